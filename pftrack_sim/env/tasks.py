@@ -70,10 +70,10 @@ class FollowEnv(CameraEnv):
     Reward: `following_reward` of the distance on the ground between camera and target against `follow.distance_m`, and
     of the target's bearing off the optical axis, at the frame that the command leads to.
 
-    Information: `truth`, `people`, and after a step `distance_m`, `bearing_rad`, `collision` (name of what the robot
-    touches, or None), `lost_s` (how long nothing of the target has been seen), `command` (as applied), `clipped` (how
-    many commands of the episode went beyond the limits) and `outcome` (`"collision"`, `"lost"`, `"finished"`, or None
-    while it goes on).
+    Information: `truth`, `people`, and after a step `distance_m`, `bearing_rad`, `bystander_m` (from the robot to the
+    nearest person but the target, on the ground), `collision` (name of what the robot touches, or None), `lost_s` (how
+    long nothing of the target has been seen), `command` (as applied), `clipped` (how many commands of the episode went
+    beyond the limits) and `outcome` (`"collision"`, `"lost"`, `"finished"`, or None while it goes on).
 
     End: terminated on collision or when the target is lost longer than `follow.lost_after_s`; truncated after the
     duration.
@@ -123,6 +123,7 @@ class FollowEnv(CameraEnv):
             **self._info(frame),
             "distance_m": distance_m,
             "bearing_rad": bearing_rad,
+            "bystander_m": self.simulation.world.bystander_m(),
             "collision": collision,
             "lost_s": lost_s,
             "command": self.simulation.command if self.simulation.command is not None else np.zeros(4),

@@ -45,6 +45,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "follow_time_to_loss_s": "time to loss [s]",
             "follow_time_to_find_s": "time to find [s]",
             "follow_jerk_rms_m_s3": "jerk [m/s\u00b3]",
+            "follow_bystander_m": "nearest bystander [m]",
         },
         "success and precision": {
             "mean_overlap": "mean overlap",

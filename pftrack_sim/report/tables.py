@@ -28,6 +28,8 @@ FOLLOWING: Mapping[str, str] = MappingProxyType(
         "collided": "collision",
         "RMS of distance [m]": "distance_rms_m",
         "RMS of bearing [deg]": "bearing_rms_deg",
+        "jerk [m/s\u00b3]": "jerk_rms_m_s3",
+        "nearest bystander [m]": "bystander_m",
     }
 )
 """Columns of the table of following, and their measures."""

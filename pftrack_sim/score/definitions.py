@@ -29,6 +29,8 @@ FOLLOWING_DEFINITIONS: Mapping[str, str] = MappingProxyType(
         "within": "share of the frames driven in which the target can be seen within the scenario's limits of distance "
         "and bearing (follow.distance_limit_m, follow.bearing_limit_deg)",
         "RMS": "root mean square of the distance's error",
+        "jerk": "root mean square of the third derivative of the robot's path, over half a second",
+        "nearest bystander": "least distance in a drive from the robot to a person but the target",
         "losses": f"times per drive that the target is out of sight for longer than {following.FOUND_S:g} s",
     }
 )

@@ -38,6 +38,7 @@ class DrivenPath:
         bearing_rad: `(N,)` of the target off the optical axis.
         seen: `(N,)` whether part of the target can be seen.
         robot_xy_m: `(N, 2)` where the robot was.
+        bystander_m: `(N,)` from the robot to the nearest person but the target, on the ground; inf where there is none.
         outcome: `"finished"`, `"collision"` or `"lost"`.
 
     Raises:
@@ -49,11 +50,13 @@ class DrivenPath:
     bearing_rad: FloatArray
     seen: BoolArray
     robot_xy_m: FloatArray
+    bystander_m: FloatArray
     outcome: str
 
     def __post_init__(self) -> None:
         frames = len(self.time_s)
-        shapes = [np.shape(one) for one in (self.time_s, self.distance_m, self.bearing_rad, self.seen)]
+        columns = (self.time_s, self.distance_m, self.bearing_rad, self.seen, self.bystander_m)
+        shapes = [np.shape(one) for one in columns]
         if frames == 0 or any(one != (frames,) for one in shapes) or np.shape(self.robot_xy_m) != (frames, 2):
             raise ParameterError(f"need one number per frame, got {[*shapes, np.shape(self.robot_xy_m)]}")
 
@@ -75,6 +78,7 @@ class Following:
         time_to_find_s: Mean time from a loss until it was seen again for `FOUND_S`; NaN when never lost or never found.
         losses: Number of such losses.
         jerk_rms_m_s3: Jerk of the robot's path, over half a second.
+        bystander_m: Least distance to a person but the target, on the ground; NaN where there is none.
     """
 
     success: float
@@ -88,6 +92,7 @@ class Following:
     time_to_find_s: float
     losses: int
     jerk_rms_m_s3: float
+    bystander_m: float
 
     def as_dict(self) -> dict[str, float]:
         """Fields by name."""
@@ -122,6 +127,7 @@ def summarise(path: DrivenPath, task: Follow, frames: int) -> Following:
         time_to_find_s=sum(found) / len(found) if found else math.nan,
         losses=len(lost_spans),
         jerk_rms_m_s3=jerk_rms(path.robot_xy_m, path.time_s),
+        bystander_m=nearest_m if math.isfinite(nearest_m := float(path.bystander_m.min())) else math.nan,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import mujoco
@@ -137,6 +138,11 @@ class World:
     def collision(self) -> str | None:
         """Name of the first person or thing that the robot touched since the previous frame, or None."""
         return self._collision
+
+    def bystander_m(self) -> float:
+        """Distance on the ground from the robot to the nearest person but the target [m]; inf where there is none."""
+        others = self.root_poses()[1:, :2, 3]
+        return float(np.hypot(*(others - self.robot_pose()[:2]).T).min(initial=math.inf))
 
     def robot_pose(self) -> tuple[float, float, float]:
         """x, y [m] and heading [rad] of the robot."""

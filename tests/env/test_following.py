@@ -1,6 +1,7 @@
 """With ground-truth boxes a controller follows the target in every shipped scenario."""
 
 import itertools
+import math
 
 import gymnasium as gym
 import numpy as np
@@ -29,6 +30,18 @@ def test_oracle_and_servo_follow_to_the_end(name: str):
     assert not terminated, (info["collision"], info["lost_s"])
     assert len(rewards) == 300
     assert np.mean(rewards) > 0.75
+    env.close()
+
+
+def test_the_nearest_bystander_is_measured_from_the_robot():
+    env = gym.make("pftrack_sim/Follow-v0", scenario="plaza-walk", overrides=SMALL, image=False)
+    env.reset(seed=0)
+    for _ in range(5):
+        _, _, _, _, info = env.step(np.zeros(4))
+    others = [one.T_world_target[:2, 3] for one in info["people"] if one.name != "target"]
+    assert others
+    distances = [math.dist(env.unwrapped.simulation.world.robot_pose()[:2], place) for place in others]
+    assert info["bystander_m"] == pytest.approx(min(distances), abs=1e-6)
     env.close()
 
 

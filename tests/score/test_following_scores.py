@@ -17,6 +17,7 @@ def course(frames: int = 100, outcome: str = "finished", **columns) -> DrivenPat
         "bearing_rad": np.zeros(frames),
         "seen": np.ones(frames, dtype=bool),
         "robot_xy_m": np.zeros((frames, 2)),
+        "bystander_m": np.full(frames, np.inf),
     }
     return DrivenPath(time_s=np.arange(frames) / RATE_HZ, outcome=outcome, **{**filled, **columns})
 
@@ -89,6 +90,11 @@ def test_jerk_of_a_cubic_is_its_third_derivative(jerk: float):
     assert abs(jerk_rms(way, times) - jerk) < 1e-6
     turned = way @ np.array([[0.6, 0.8], [-0.8, 0.6]])
     assert abs(jerk_rms(turned, times) - jerk) < 1e-6
+
+
+def test_nearest_bystander_of_a_drive():
+    assert math.isnan(scores().bystander_m)
+    assert scores(bystander_m=np.linspace(3.0, 0.6, 100)).bystander_m == pytest.approx(0.6)
 
 
 def test_too_short_for_a_jerk():

@@ -171,6 +171,7 @@ class FollowLog:
             "after_y_m": after["robot_pose"][1],
             "after_distance_m": after["distance_m"],
             "after_bearing_rad": after["bearing_rad"],
+            "after_bystander_m": after["bystander_m"],
             "after_seen": after["truth"].scored,
             "following": after["following"],
             **dict(zip(PROPRIO_NAMES, sample.observation["proprio"][: RANGES.start], strict=False)),
@@ -192,6 +193,7 @@ class FollowLog:
             after["after_bearing_rad"],
             after["after_seen"],
             np.stack([after["after_x_m"], after["after_y_m"]], axis=1),
+            after["after_bystander_m"],
             info["outcome"],
         )
         measures = following.summarise(path, settings.follow, frame_count)
