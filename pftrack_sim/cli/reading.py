@@ -147,7 +147,8 @@ def report(
         Path | None,
         typer.Option(
             help="Write one figure for a paper instead: success.pdf, precision.pdf, axis.pdf, cost.pdf, the overlap "
-            "against the time per frame, or strips.pdf, frames of one episode for all trackers (.svg, .png)."
+            "against the time per frame, reliability.pdf, how often a tracker is right at each confidence, or "
+            "strips.pdf, frames of one episode for all trackers (.svg, .png)."
         ),
     ] = None,
     columns: Annotated[int, typer.Option(min=1, max=2, help="Width of --figure in columns of a paper.")] = 1,

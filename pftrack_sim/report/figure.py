@@ -32,14 +32,19 @@ WIDTHS_INCH = {1: 3.5, 2: 7.16}
 
 _HIGH_INCH = 2.6
 
+_LETTERS_PER_INCH, _KEY_LETTERS = 18, 7  # At 7 pt; what a line and its gaps take beside a name
+
+_BINS = 10
+"""Points of a reliability diagram, of as many frames each."""
+
 
 def write_figure(path: Path, target: Path, columns: int = 1) -> Path:
     """Draw a figure of a run.
 
     Args:
         path: The run folder.
-        target: `success.pdf`, `precision.pdf`, `axis.pdf`, `cost.pdf` or `strips.pdf`, in any folder;
-            `.svg` and `.png` too. Fonts of a PDF are embedded as Type 42.
+        target: `success.pdf`, `precision.pdf`, `reliability.pdf`, `axis.pdf`, `cost.pdf` or `strips.pdf`, in any
+            folder; `.svg` and `.png` too. Fonts of a PDF are embedded as Type 42.
         columns: Its width, 1 or 2 columns of a paper, see `WIDTHS_INCH`.
 
     Raises:
@@ -95,8 +100,11 @@ def _plot(figure: Any, *at: int) -> Any:
 
 
 def _legend_below(figure: Any, abreast: int) -> None:
-    """Write the names of the curves below them all, as they may lie anywhere."""
+    """Write the names of the curves below them all, as they may lie anywhere; no more abreast than have room."""
     names = figure.axes[0].get_legend_handles_labels()
+    room = int(_LETTERS_PER_INCH * figure.get_figwidth()) // (max(map(len, names[1]), default=0) + _KEY_LETTERS)
+    abreast = max(1, min(abreast, room))
+    figure.set_figheight(figure.get_figheight() + 0.16 * max(0, -(-len(names[1]) // abreast) - 3))
     legend = figure.legend(*names, loc="outside lower center", ncols=abreast, fontsize=7, frameon=False)
     for text in legend.get_texts():
         text.set_parse_math(False)  # a tracker's name is no formula
@@ -155,6 +163,26 @@ def _precision(store: RunStore, figure: Any) -> None:
         curve = score.precision_curve(error)
         label = f"{tracker} [{curve[20]:.3f}]"
         axes.plot(score.PRECISION_THRESHOLDS_PX, curve, label=label, markevery=10, **_style(store, tracker))
+    _write_count(axes, store)
+    _legend_below(figure, 5 if _is_wide(figure) else 2)
+
+
+def _reliability(store: RunStore, figure: Any) -> None:
+    """How often each tracker is right at each confidence: tenths of its frames with equal count, area under the ROC."""
+    axes = _plot(figure)
+    right = f"overlap of at least {score.LOOSE_OVERLAP:g}"
+    axes.set(xlabel="confidence", ylabel=f"share of frames with an\n{right}", xlim=(0, 1), ylim=(0, 1.02))
+    axes.plot([0, 1], [0, 1], color="0.7", lw=0.8, ls=":")
+    rows = store.query(
+        f"SELECT label, confidence, overlap >= {score.LOOSE_OVERLAP} FROM frames WHERE scored AND status = 'ok' "
+        "QUALIFY row_number() OVER (PARTITION BY label, scenario, condition, seed ORDER BY frame) > 1 ORDER BY ALL"
+    ).rows
+    for tracker, own in itertools.groupby(rows, key=lambda row: row[0]):
+        said, hit = (np.array(column, dtype=np.float64) for column in list(zip(*own, strict=True))[1:])
+        tenths = zip(np.array_split(said, _BINS), np.array_split(hit, _BINS), strict=True)
+        means = np.array([(one.mean(), other.mean()) for one, other in tenths if one.size])
+        label = f"{tracker} [{score.roc_area(said, hit.astype(np.bool_)):.2f}]"
+        axes.plot(*means.T, label=label, **_style(store, tracker))
     _write_count(axes, store)
     _legend_below(figure, 5 if _is_wide(figure) else 2)
 
@@ -308,6 +336,13 @@ def _write_names(points: Mapping[str, tuple[float, float]], colours: Mapping[str
 
 
 FIGURES: Mapping[str, Callable[[RunStore, Any], None]] = MappingProxyType(
-    {"axis": _degradation, "cost": _cost, "precision": _precision, "strips": draw_strips, "success": _success}
+    {
+        "axis": _degradation,
+        "cost": _cost,
+        "precision": _precision,
+        "reliability": _reliability,
+        "strips": draw_strips,
+        "success": _success,
+    }
 )
 """What can be drawn, by the file's name."""

@@ -7,10 +7,12 @@ paired comparisons. `profile`: how hard a video is.
 """
 
 from pftrack_sim.score.curves import (
+    LOOSE_OVERLAP,
     PRECISION_THRESHOLDS_PX,
     SUCCESS_THRESHOLDS,
     area_under_success,
     precision_curve,
+    roc_area,
     success_curve,
 )
 from pftrack_sim.score.definitions import (
@@ -44,6 +46,7 @@ __all__ = [
     "LEAST_FOR_INTERVAL",
     "LEAST_FOR_VERDICT",
     "LEVEL",
+    "LOOSE_OVERLAP",
     "MEASURE_DEFINITIONS",
     "PEOPLE_DEFINITIONS",
     "PRECISION_THRESHOLDS_PX",
@@ -66,6 +69,7 @@ __all__ = [
     "paired_difference",
     "precision_curve",
     "proportion_over_seeds",
+    "roc_area",
     "stay_overlaps",
     "student_quantile",
     "success_curve",

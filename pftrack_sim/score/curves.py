@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy  # it imports its packages at first use
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
@@ -91,6 +92,24 @@ def precision_curve(centre_error: ArrayLike, thresholds: ArrayLike = PRECISION_T
 def normalised_precision(normalised_error: ArrayLike) -> float:
     """Mean of the normalised precision curve over [0, 0.5] (Müller et al. 2018) of `(N,)` normalised errors."""
     return float(np.mean(precision_curve(normalised_error, NORMALISED_PRECISION_THRESHOLDS)))
+
+
+def roc_area(confidence: ArrayLike, right: ArrayLike) -> float:
+    """Area under the ROC curve: how often a right frame has more confidence than a wrong one, ties counted half.
+
+    NaN where all `(N,)` frames are right, or none is. 0.5 says nothing (Fawcett 2006).
+
+    >>> roc_area([0.9, 0.8, 0.3, 0.3], [True, False, True, False])
+    0.625
+    """
+    said, true = _row("confidence", confidence), np.asarray(right, dtype=np.bool_)
+    if true.shape != said.shape:
+        raise ParameterError(f"right must have shape {said.shape}, got {true.shape}")
+    hits, misses = int(true.sum()), int((~true).sum())
+    if not hits or not misses:
+        return math.nan
+    ranks: FloatArray = scipy.stats.rankdata(said)  # of equal ones the mean
+    return (float(ranks[true].sum()) - 0.5 * hits * (hits + 1)) / (hits * misses)
 
 
 def _row(name: str, values: ArrayLike) -> FloatArray:

@@ -33,7 +33,9 @@ def test_no_name_covers_another_however_near_the_points_are(spread: float):
     assert all(inside.contains(*corner) for box in boxes for corner in box.corners())
 
 
-@pytest.mark.parametrize("name", ["success.pdf", "precision.svg", "axis.png", "cost.png", "strips.png"])
+@pytest.mark.parametrize(
+    "name", ["success.pdf", "precision.svg", "axis.png", "cost.png", "reliability.png", "strips.png"]
+)
 def test_figures_for_papers(finished: Path, tmp_path: Path, name: str):
     target = report.write_figure(finished, tmp_path / "figures" / name)
     head = target.read_bytes()[:8]
