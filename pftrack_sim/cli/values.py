@@ -112,9 +112,8 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = (), allow_trut
     >>> [one.label for one in parse_trackers("stay, ko2012[preset=paper,particle_count=50]", "default")]
     ['stay', 'ko2012[preset=paper,particle_count=50]']
     """
-    from pydantic import ValidationError
-
     from pftrack_sim.benchmark import TrackerSpec
+    from pftrack_sim.benchmark.asked.plan import parameter_errors
 
     found: list[tuple[str, str, dict[str, Any]]] = []
     for part in parse_names(text):
@@ -134,15 +133,13 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = (), allow_trut
     for name in told:
         if name not in [one for one, _, _ in found]:
             raise UnknownNameError("tracker that --allow-truth names", name, [one for one, _, _ in found])
-    try:
+    with parameter_errors("trackers"):
         return [
             TrackerSpec(
                 name=name, preset=chosen, params={**elsewhere.get(name, {}), **params}, allow_truth=name in told
             )
             for name, chosen, params in found
         ]
-    except ValidationError as error:
-        raise ParameterError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
 
 
 def parse_part(text: str) -> tuple[int, int]:

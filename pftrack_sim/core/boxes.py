@@ -7,6 +7,7 @@ modify their arguments.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -28,7 +29,8 @@ def checked(box: ArrayLike, *, what: str = "box") -> Box:
         BoxError: Wrong shape, not numbers, NaN, infinite, or a negative size.
     """
     array = numbers_in(box)
-    if array is None:
+    # NumPy reads a boolean among numbers as one of them.
+    if array is None or (isinstance(box, Sequence) and any(isinstance(one, (bool, np.bool_)) for one in box)):
         raise BoxError(f"{what} must be four numbers x, y, w, h in pixels, got {box!r}")
     if array.shape != (4,):
         raise BoxError(f"{what} must have shape (4,) (x, y, w, h in pixels), got shape {array.shape}")
@@ -41,10 +43,10 @@ def checked(box: ArrayLike, *, what: str = "box") -> Box:
 
 
 def numbers_in(values: ArrayLike) -> FloatArray | None:
-    """Float64 copy of real numbers; None for anything else, such as texts, complex numbers and masked arrays."""
+    """Float64 copy of real numbers; None for anything else: texts, booleans, complex numbers, masked arrays."""
     try:
         given = np.asarray(values)
-        is_numbers = given.dtype.kind in "biuf" and not isinstance(values, np.ma.MaskedArray)
+        is_numbers = given.dtype.kind in "iuf" and not isinstance(values, np.ma.MaskedArray)
         return np.array(given, dtype=np.float64) if is_numbers else None
     except (TypeError, ValueError):
         return None

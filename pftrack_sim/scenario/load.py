@@ -95,8 +95,10 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
     elif isinstance(scenario, Mapping):
         _check_tree("custom", scenario)
         loaded = Scenario("custom", ranges.replaced(scenario, {}))
-    else:
+    elif isinstance(scenario, (str, Path)):
         loaded = _read(scenario)
+    else:
+        raise ScenarioError("custom", [f"a scenario is a name, a path, a dict or a Scenario, got {scenario!r}"])
     tree = loaded.tree
     errors: list[str] = []
     if len(overrides or {}) > MAX_OVERRIDES:

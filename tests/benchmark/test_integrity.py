@@ -40,6 +40,21 @@ def test_the_checksums_are_those_of_sha256sum(finished: Path):
     subprocess.run(["sha256sum", "--check", "--strict", "--quiet", SUMS], cwd=finished, check=True)
 
 
+def test_files_that_are_none_of_the_runs_are_named(copied: Path):
+    own = "videos/" + PLAN.episode(0).path
+    foreign = ["alien.txt", "Alien/deep/file", "tables/notes.csv", "episodes/a.parquet", own + ".avi", "logs/link"]
+    for name in foreign:
+        (copied / name).parent.mkdir(parents=True, exist_ok=True)
+        (copied / name).touch()
+    (copied / "logs/link").unlink()
+    (copied / "logs/link").symlink_to("/")
+    (copied / ".DS_Store").touch()
+    assert check(copied).problems == tuple(f"not of this run: {name}" for name in sorted(foreign))
+    # The next session's checksums do not make them the run's.
+    run(PLAN, copied, videos="first")
+    assert check(copied).problems == tuple(f"not of this run: {name}" for name in sorted(foreign))
+
+
 def test_an_edited_summary_is_found_whatever_its_checksum(copied: Path):
     summary, edited = copied / "summary.parquet", copied / "edited.parquet"
     duckdb.execute(f"COPY (SELECT * REPLACE (0.999 AS mean_overlap) FROM '{summary}') TO '{edited}' (FORMAT parquet)")

@@ -94,6 +94,9 @@ def test_checked_gives_a_copy():
         ([1 + 2j, 2, 3, 4], "four numbers"),
         (np.array([1 + 2j, 2, 3, 4]), "four numbers"),
         (["1", "2", "3", "4"], "four numbers"),
+        ([True, 1, 5, 5], "four numbers"),
+        ((1, 2.5, np.True_, 5), "four numbers"),
+        (np.array([True, True, True, True]), "four numbers"),
         (np.ma.masked_array([1.0, 2.0, 3.0, 4.0], [False, True, False, False]), "four numbers"),
     ],
 )

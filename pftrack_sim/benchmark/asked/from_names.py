@@ -23,6 +23,7 @@ from pftrack_sim.benchmark.asked.plan import (
     Sweep,
     TrackerSpec,
     make_checked_plan,
+    parameter_errors,
 )
 from pftrack_sim.benchmark.asked.suite import Block, Suite, is_suite, load_suite, suite_names
 from pftrack_sim.controllers import code_digest as controller_code
@@ -84,10 +85,11 @@ def make_plan(
         else:
             _check_axis(axis)
     loaded = [scenarios.load(name, overrides or {}) for name in names]
-    conditions = tuple(_conditions(axes or {}, variant))
-    specs = tuple(one if isinstance(one, TrackerSpec) else TrackerSpec(name=one, preset=preset) for one in trackers)
+    specs = tuple(TrackerSpec.of(one, preset) for one in trackers)
     scenario_specs = tuple(ScenarioSpec(name=one.name, tree=one.with_defaults().tree) for one in loaded)
-    sweep = Sweep(scenarios=scenario_specs, conditions=conditions, seeds=tuple(seeds))
+    with parameter_errors("plan"):
+        conditions = tuple(_conditions(axes or {}, variant))
+        sweep = Sweep(scenarios=scenario_specs, conditions=conditions, seeds=tuple(seeds))
     plan = make_checked_plan((sweep,), _with_controllers(specs, controllers, latency_ms or {}))
     for episode in plan.first_episodes:
         scenario = episode.scenario  # wrong levels are reported now

@@ -5,11 +5,12 @@ A plan is frozen, survives a round trip through JSON, and is stored with the run
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import random
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -70,6 +71,16 @@ class TrackerSpec(Section):
     latency_ms: NotNegative = 0.0
     code: dict[str, str] = Field(default_factory=dict)
     allow_truth: bool = False
+
+    @classmethod
+    def of(cls, given: object, preset: str = "default") -> TrackerSpec:
+        """A specification, which is kept, or that of a name; ParameterError where it is neither."""
+        if isinstance(given, TrackerSpec):
+            return given
+        if not isinstance(given, str):
+            raise ParameterError(f"a tracker is a name or a TrackerSpec, got {one_line(repr(given), 60)}")
+        with parameter_errors("trackers"):
+            return cls(name=given, preset=preset)
 
     @field_validator("params")
     @classmethod
@@ -432,11 +443,19 @@ def make_checked_plan(
     Raises:
         ParameterError: Nothing to run, or something given twice.
     """
-    try:
+    with parameter_errors("plan"):
         known = dict(environment or keys.environment())
         return Plan(sweeps=sweeps, trackers=trackers, suites=suites, truth=truth, environment=known)
+
+
+@contextlib.contextmanager
+def parameter_errors(what: str) -> Generator[None]:
+    """Raise ParameterError in place of the block's ValidationError; `what` names what is made in the message."""
+    try:
+        yield
     except ValidationError as error:
         first = error.errors()[0]
-        if first["type"] == "greater_than_equal":
-            raise ParameterError(f"seeds must be >= 0, got {first['input']}") from None
-        raise ParameterError(str(first["msg"]).removeprefix("Value error, ")) from None
+        if first["type"] == "value_error":  # a check of this module, which says it all
+            raise ParameterError(str(first["ctx"]["error"])) from None
+        given = one_line(repr(first["input"]), 60)
+        raise ParameterError(f"{what}: {first['msg'][:1].lower()}{first['msg'][1:]}, got {given}") from None

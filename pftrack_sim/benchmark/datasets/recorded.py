@@ -94,7 +94,7 @@ def evaluate(
     if min(starts) < 0.0:
         raise ParameterError("recorded sequences are shown forward only: starts must be 0 or more")
     limits = limits or Limits()
-    specs = [one if isinstance(one, TrackerSpec) else TrackerSpec(name=one) for one in trackers]
+    specs = [TrackerSpec.of(one) for one in trackers]
     videos = [None] * len(sequences) if video is None else video_paths(sequences, video)
     results: list[RecordedResult] = []
     with TrackerProcesses() as processes:

@@ -23,7 +23,7 @@ SUMS = "SHA256SUMS"
 RECORD = "run.json"
 TABLES_OF_RESULTS = ("episodes/", "frames/")
 
-_DERIVED = (RECORD, "summary.parquet", "report.html", "limits.json", "limits.html", "tables/")
+DERIVED = (RECORD, "summary.parquet", "report.html", "limits.json", "limits.html", "tables/")
 _FOLDERS = ("episodes", "frames", "tables", "videos", "logs", "errors")
 _MAX_SUMS_BYTES = 1 << 30
 _LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)")
@@ -65,7 +65,7 @@ class Checksums:
 
     def begin(self) -> None:
         """Write the list as a session begins: of results and what shows them, also where there was no list."""
-        names = (name for name in self.names() if not name.startswith(_DERIVED) and self._is_file(name))
+        names = (name for name in self.names() if not name.startswith(DERIVED) and self._is_file(name))
         known = self.known or {}
         self._write({name: known.get(name) or file_digest(self._folder / name) for name in names})
 
@@ -88,7 +88,7 @@ class Checksums:
         Raises:
             RunError: A file cannot be read, or the list cannot be written.
         """
-        known = {name: one for name, one in (self.known or {}).items() if not name.startswith(_DERIVED)}
+        known = {name: one for name, one in (self.known or {}).items() if not name.startswith(DERIVED)}
         names = [name for name in self.there() if name in known or not name.startswith(TABLES_OF_RESULTS)]
         try:
             self._write({name: known.get(name) or file_digest(self._folder / name) for name in names})
@@ -123,7 +123,7 @@ class Checksums:
 
     def there(self) -> list[str]:
         """Files of a run that are there."""
-        found = [name for name in _DERIVED if self._is_file(name)]
+        found = [name for name in DERIVED if self._is_file(name)]
         for top in _FOLDERS:
             for path in (self._folder / top).rglob("*"):
                 if not path.name.startswith(".") and is_file(path):

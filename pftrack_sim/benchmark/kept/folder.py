@@ -17,13 +17,13 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
 from pftrack_sim.benchmark.asked.plan import AskedResult, Episode, Plan
 from pftrack_sim.benchmark.asked.union import contradictions, listed, united
-from pftrack_sim.benchmark.kept.checksums import RECORD, SUMS, TABLES_OF_RESULTS, Checksums
+from pftrack_sim.benchmark.kept.checksums import DERIVED, RECORD, SUMS, TABLES_OF_RESULTS, Checksums
 from pftrack_sim.benchmark.kept.files import LOCK, lock_folder, remove_parts, write_bytes
 from pftrack_sim.benchmark.kept.record import Record, read_record, session, write_record
 from pftrack_sim.benchmark.kept.tables import OPENED, read_metadata
@@ -152,6 +152,18 @@ class RunFolder:
         present = self.present
         return [one for one in self.plan.asked.values() if self.result_file(one) not in present]
 
+    @property
+    def foreign(self) -> list[str]:
+        """Paths within the folder of what is none of this run's, hidden names aside."""
+        there = {
+            Path(place, name).relative_to(self.path).as_posix()
+            for place, folders, names in os.walk(self.path)
+            for name in (*names, *(one for one in folders if os.path.islink(os.path.join(place, one))))
+            if not name.startswith(".")
+        }
+        there.difference_update((*DERIVED, *TABLES, SUMS), _names(self.plan))
+        return sorted(there)
+
     def _tables(self) -> list[str]:
         """Paths within the folder of the tables of results and of frames that are there."""
         names = (name for name in self.checksums.names() if name.startswith(TABLES_OF_RESULTS))
@@ -252,7 +264,7 @@ def _wanted(folder: RunFolder, plan: Plan, refresh: bool, running: bool) -> tupl
             f"{path} {found}: its results have the same names and other keys; run them again with --refresh, or choose "
             f"another folder with --out\n{listed(lines)}"
         )
-    stale = set[str]() if wanted is stored else _names(stored) - _names(wanted)
+    stale = set[str]() if wanted is stored else {*_names(stored)}.difference(_names(wanted))
     for one, _ in edited:
         stale.update(names_of_result(one), names_of_episode(one.episode)[one.episode.kind == "open" :])
     return wanted, stale
@@ -274,10 +286,12 @@ def _edited(folder: RunFolder) -> list[tuple[AskedResult, list[str]]]:
     return found
 
 
-def _names(plan: Plan) -> set[str]:
+def _names(plan: Plan) -> Iterator[str]:
     """Paths within a run folder of all files that results and episodes of a plan may have."""
-    found = {name for one in plan.asked.values() for name in names_of_result(one)}
-    return found | {name for episode in plan.episodes() for name in names_of_episode(episode)}
+    for one in plan.asked.values():
+        yield from names_of_result(one)
+    for episode in plan.episodes():
+        yield from names_of_episode(episode)
 
 
 def names_of_result(asked: AskedResult) -> list[str]:

@@ -10,15 +10,17 @@ from pathlib import Path
 import duckdb
 
 from pftrack_sim.benchmark.asked.plan import AskedResult
-from pftrack_sim.benchmark.kept.checksums import SUMS, TABLES_OF_RESULTS
+from pftrack_sim.benchmark.kept.checksums import SUMS
 from pftrack_sim.benchmark.kept.files import query_deadline
 from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
 from pftrack_sim.benchmark.kept.tables import MAX_BYTES, parquet
 from pftrack_sim.benchmark.reading.summary import load_summary, tables_of
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import is_file, read_bytes
+from pftrack_sim.core.text import one_line
 
-_MOST_MISSING = 1000
+_MOST_NAMED = 1000
+"""Episodes that are missing, or files that are none of the run's."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +57,9 @@ def check(path: Path) -> CheckReport:
     plan, present, changes = folder.plan, folder.present, folder.checksums.changes()
     missing = [one for one in plan.asked.values() if folder.result_file(one) not in present]
     tables = {one.key: set(folder.names_of_tables(one)) for one in plan.asked.values()}
-    foreign = {name for name in folder.checksums.there() if name.startswith(TABLES_OF_RESULTS)}.difference(
-        *tables.values()
-    )
+    foreign = folder.foreign
     # These are named by their episodes, or as foreign.
-    named = foreign.union(*(tables[one.key] for one in missing))
+    named = {*foreign}.union(*(tables[one.key] for one in missing))
     problems = [f"{name}: {problem}" for name, problem in changes.items() if name not in named]
     if folder.checksums.known is None:
         problems.append(f"{SUMS}: missing")
@@ -69,13 +69,15 @@ def check(path: Path) -> CheckReport:
     lacking: dict[int, list[AskedResult]] = {}
     for one in missing:
         lacking.setdefault(one.episode.number, []).append(one)
-    for results in list(lacking.values())[:_MOST_MISSING]:
+    for results in list(lacking.values())[:_MOST_NAMED]:
         episode = results[0].episode
         labels = f", {', '.join(one.tracker.label for one in results)}" if len(results) < len(episode.trackers) else ""
         problems.append(f"missing: {episode.name}{labels}")
-    if len(lacking) > _MOST_MISSING:
-        problems.append(f"missing: {len(lacking) - _MOST_MISSING} episodes more")
-    problems += [f"not in the plan: {name}" for name in sorted(foreign)]
+    if len(lacking) > _MOST_NAMED:
+        problems.append(f"missing: {len(lacking) - _MOST_NAMED} episodes more")
+    problems += [f"not of this run: {one_line(name)}" for name in foreign[:_MOST_NAMED]]
+    if len(foreign) > _MOST_NAMED:
+        problems.append(f"not of this run: {len(foreign) - _MOST_NAMED} files more")
     harmed = {one.episode.number for one in (*missing, *damaged)}
     return CheckReport(path, plan.episode_count - len(harmed), plan.episode_count, tuple(problems))
 

@@ -247,7 +247,7 @@ def make_runners(
     """
     runners: list[TrackerRunner] = []
     for given in specs:
-        spec = given if isinstance(given, TrackerSpec) else TrackerSpec(name=given)
+        spec = TrackerSpec.of(given)
         if apart or is_isolated(spec.name, isolation):
             code = _code_of(spec, isolation, limits or Limits())
             made = IsolatedTracker(code, seed=seed, processes=processes)
