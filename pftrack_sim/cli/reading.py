@@ -18,7 +18,8 @@ from rich.text import Text
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.progress import progress_bar
 from pftrack_sim.cli.values import parse_names
-from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.memory import memory_limit
 
 if TYPE_CHECKING:
     from pftrack_sim.benchmark.reading.store import QueryResult
@@ -59,7 +60,10 @@ def query(
     ended.daemon = True
     ended.start()
     try:
-        _print_query(RunStore(folder).query(sql, limit_s=_QUERY_S, limit_gb=_QUERY_GB), format_)
+        with memory_limit(1024 * _QUERY_GB):  # DuckDB counts neither single values nor the rows that it hands out
+            _print_query(RunStore(folder).query(sql, limit_s=_QUERY_S, limit_gb=_QUERY_GB), format_)
+    except MemoryError:
+        raise RunError(f"the query failed: its answer takes more than {_QUERY_GB:g} GB") from None
     finally:
         ended.cancel()
 

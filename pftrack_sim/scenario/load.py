@@ -95,7 +95,7 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
     elif isinstance(scenario, Mapping):
         _check_tree("custom", scenario)
         loaded = Scenario("custom", ranges.replaced(scenario, {}))
-    elif isinstance(scenario, (str, Path)):
+    elif isinstance(scenario, (str, Path)):  # pyright: ignore[reportUnnecessaryIsInstance]
         loaded = _read(scenario)
     else:
         raise ScenarioError("custom", [f"a scenario is a name, a path, a dict or a Scenario, got {scenario!r}"])

@@ -95,7 +95,7 @@ def test_wrong_levels_and_repetitions():
 
 @pytest.mark.parametrize("tracker", [{"name": "stay"}, 5, None, ["stay"]])
 def test_a_tracker_that_is_neither_name_nor_specification(tracker: Any):
-    with pytest.raises(ParameterError, match="^a tracker is a name or a TrackerSpec, got ") as caught:
+    with pytest.raises(ParameterError, match=r"^a tracker is a name or a TrackerSpec, got .") as caught:
         make_plan(["plaza-walk"], [tracker], [0])
     assert repr(tracker) in str(caught.value)
 

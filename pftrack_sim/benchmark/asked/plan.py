@@ -456,6 +456,6 @@ def parameter_errors(what: str) -> Generator[None]:
     except ValidationError as error:
         first = error.errors()[0]
         if first["type"] == "value_error":  # a check of this module, which says it all
-            raise ParameterError(str(first["ctx"]["error"])) from None
+            raise ParameterError(first["msg"].removeprefix("Value error, ")) from None
         given = one_line(repr(first["input"]), 60)
         raise ParameterError(f"{what}: {first['msg'][:1].lower()}{first['msg'][1:]}, got {given}") from None

@@ -106,7 +106,8 @@ class RunStore(RunFolder):
         Args:
             sql: The statement.
             limit_s: Time that it may take; None: any.
-            limit_gb: Memory that it may take; None: what DuckDB allows itself.
+            limit_gb: Memory that DuckDB may take, besides single values and the rows returned, which it does not count;
+                None: what it allows itself.
 
         Raises:
             RunError: Nothing is there yet, or the SQL is wrong, does more than select, or reaches a limit.

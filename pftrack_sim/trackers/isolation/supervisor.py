@@ -23,6 +23,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, NoReturn
 
+from pftrack_sim.core.memory import data_segment_kb, sum_kb
 from pftrack_sim.trackers.isolation.child import serve
 
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
@@ -120,21 +121,12 @@ def _descendants(at_most: int = 4096) -> list[str]:
 
 def _memory_kb(pid: str) -> float:
     """Anonymous and shared memory in use, without mapped files."""
-    return _sum_kb(f"/proc/{pid}/status", ("RssAnon:", "RssShmem:", "VmSwap:"))
+    return sum_kb(f"/proc/{pid}/status", ("RssAnon:", "RssShmem:", "VmSwap:"))
 
 
 def _proportional_kb(pid: str) -> float:
     """As `_memory_kb`, with pages that several processes share divided among them; slower."""
-    return _sum_kb(f"/proc/{pid}/smaps_rollup", ("Pss_Anon:", "Pss_Shmem:", "SwapPss:")) or _memory_kb(pid)
-
-
-def _sum_kb(path: str, names: tuple[str, ...]) -> float:
-    """Sum of some lines of a file in `/proc`; 0 where it cannot be read."""
-    try:
-        lines = Path(path).read_text(encoding="ascii", errors="replace").splitlines()
-    except OSError:
-        return 0.0
-    return sum(float(line.split()[1]) for line in lines if line.startswith(names))
+    return sum_kb(f"/proc/{pid}/smaps_rollup", ("Pss_Anon:", "Pss_Shmem:", "SwapPss:")) or _memory_kb(pid)
 
 
 def _limit(memory_mb: float) -> None:
@@ -146,8 +138,7 @@ def _limit(memory_mb: float) -> None:
     limits = {resource.RLIMIT_CORE: 0}
     if memory_mb > 0:
         limits[resource.RLIMIT_FSIZE] = int(memory_mb * 1024 * 1024)
-        # Data segment, not address space: accelerator libraries reserve far more address space than they use.
-        limits[resource.RLIMIT_DATA] = int((memory_mb * 1024 + _sum_kb("/proc/self/status", ("VmData:",))) * 1024)
+        limits[resource.RLIMIT_DATA] = int((memory_mb * 1024 + data_segment_kb()) * 1024)
         # A write beyond the limit is an error of the tracker (EFBIG), not a signal.
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     for which, value in limits.items():
