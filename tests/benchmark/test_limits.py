@@ -10,6 +10,7 @@ import pytest
 from small import SMALL, contents
 
 from pftrack_sim.benchmark import RunStore, make_plan, plan_all
+from pftrack_sim.benchmark.asked.from_names import join_plans, late_events
 from pftrack_sim.benchmark.limits.found import Limits, read_limits
 from pftrack_sim.benchmark.limits.scale import make_scale
 from pftrack_sim.benchmark.limits.search import BATCH, Search, Wanted, find_limits, first_plan, make_searches
@@ -213,3 +214,9 @@ def test_a_folder_without_limits_is_an_error(tmp_path):
     (tmp_path / "limits.json").write_text("{}")
     with pytest.raises(RunError, match="cannot be read"):
         read_limits(tmp_path)
+
+
+def test_what_is_cut_off_is_said_once_for_all_levels_and_seeds():
+    plans = [make_plan(["corridor"], ["ncc"], [k], axes={"jitter": (k,)}, overrides={"duration_s": 3}) for k in (1, 2)]
+    (line,) = late_events(join_plans(plans))
+    assert line.startswith("corridor lasts 3 s, so that these never happen: ")

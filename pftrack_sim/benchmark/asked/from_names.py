@@ -102,21 +102,22 @@ def make_plan(
 
 
 def late_events(plan: Plan, changed: Collection[str] | None = None) -> list[str]:
-    """One line for each scenario and condition in which something begins after the episode, at the first seed.
+    """A line for each scenario and what begins after its episode, with the times of the first one that it is cut from.
 
     Args:
         plan: The plan.
         changed: Keys of scenarios: only what these can have cut off; None: all.
     """
-    lines: list[str] = []
+    lines: dict[tuple[str, ...], str] = {}
     for episode in plan.first_episodes:
         settings = episode.scenario.resolve(episode.seed)
         titles = scenarios.late_events(settings)
         late = [one for one in titles if changed is None or any(_can_cut(key, one) for key in changed)]
         if late:
+            what = (episode.spec.name, *(one.rpartition(" at ")[0] for one in late))
             lasts = f"{episode.spec.name} lasts {settings.duration_s:g} s"
-            lines.append(f"{lasts}, so that these never happen: {', '.join(late)}")
-    return list(dict.fromkeys(lines))
+            lines.setdefault(what, f"{lasts}, so that these never happen: {', '.join(late)}")
+    return list(lines.values())
 
 
 def _can_cut(key: str, title: str) -> bool:
