@@ -23,8 +23,8 @@ from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.renderer import checked_poses
 from pftrack_sim.render.segmentation import Segmenter
 from pftrack_sim.scene.layout import PEOPLE_GROUP, body_owners
+from pftrack_sim.truth.captured import CapturedScene
 from pftrack_sim.truth.geometry import SceneGeometry
-from pftrack_sim.truth.projection import CapturedScene
 from pftrack_sim.truth.silhouettes import InstantScene, PeopleInView, Scene, Silhouette, SilhouetteFinder, poses_of
 
 _NO_DISTORTION = np.zeros(5)

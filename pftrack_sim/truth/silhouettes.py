@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -55,48 +56,48 @@ class Measured(NamedTuple):
     lowest_m: FloatArray
 
 
-class Scene(Protocol):
-    """What a frame shows of the geoms of a model."""
+class Scene(ABC):
+    """What a frame shows of the geoms of a model.
 
+    Args:
+        segmenter: Segmenter of the model.
+        bounds: Bounding boxes of its geoms.
+        view: Scene and camera at the time of the frame; what is far there is drawn by coarser meshes.
+    """
+
+    def __init__(self, segmenter: Segmenter, bounds: Bounds, view: View) -> None:
+        self._segmenter, self._bounds, self.view = segmenter, bounds, view
+
+    @abstractmethod
     def measure(self, bodies: Bodies, geoms: IntArray) -> Measured:
         """Measure bodies, whose `(S,)` parts are geoms."""
-        ...
+
+    @abstractmethod
+    def add(self, found: Segmentation, geoms: IntArray) -> None:
+        """Draw more geoms into a segmentation."""
 
     def segment(self, rect: PixelRect, geoms: IntArray) -> Segmentation:
         """Segment a rectangle of pixels, in which only some geoms are drawn."""
-        ...
-
-    def add(self, found: Segmentation, geoms: IntArray) -> None:
-        """Draw more geoms into a segmentation."""
-        ...
+        found = self._segmenter.nothing(rect)
+        self.add(found, geoms)
+        return found
 
     def may_occlude(self, rect: PixelRect, geoms: IntArray, farthest_m: float, lowest_m: float) -> BoolArray:
         """`(N,)` which geoms may occlude a person, see `Bounds.may_occlude`."""
-        ...
+        return self._bounds.may_occlude(self.view, rect, geoms, farthest_m, lowest_m)
 
 
-class InstantScene:
-    """A `Scene` at an instant through a pinhole."""
-
-    def __init__(self, segmenter: Segmenter, bounds: Bounds, view: View) -> None:
-        self._segmenter, self._bounds, self._view = segmenter, bounds, view
+class InstantScene(Scene):
+    """A frame at an instant through a pinhole."""
 
     def measure(self, bodies: Bodies, geoms: IntArray) -> Measured:
-        """Measure bodies, whose `(S,)` parts are geoms."""
-        boxes, depths, lowest = bodies.boxes(*poses_of(self._view, geoms), *self._view[2:])
+        """See `Scene`."""
+        boxes, depths, lowest = bodies.boxes(*poses_of(self.view, geoms), *self.view[2:])
         return Measured(boxes, boxes, depths, lowest)
 
-    def segment(self, rect: PixelRect, geoms: IntArray) -> Segmentation:
-        """Segment a rectangle of pixels, in which only some geoms are drawn."""
-        return self._segmenter.segment(self._view, rect, geoms)
-
     def add(self, found: Segmentation, geoms: IntArray) -> None:
-        """Draw more geoms into a segmentation."""
-        self._segmenter.add(found, self._view, geoms)
-
-    def may_occlude(self, rect: PixelRect, geoms: IntArray, farthest_m: float, lowest_m: float) -> BoolArray:
-        """`(N,)` which geoms may occlude a person."""
-        return self._bounds.may_occlude(self._view, rect, geoms, farthest_m, lowest_m)
+        """See `Scene`."""
+        self._segmenter.add(found, self.view, geoms)
 
 
 class SilhouetteFinder:

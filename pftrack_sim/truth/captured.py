@@ -1,9 +1,9 @@
-"""Which geom each pixel of a captured frame shows: along its own ray through the lens, when its own row is exposed.
+"""People in captured frames: which geom each pixel shows, along its own ray, when its own row is exposed.
 
-As `render.segmentation`, but every row sees the geoms where they are, from where the camera is, at its mid-exposure.
-Nothing is resampled: a pixel shows a triangle if its ray passes inside the planes through the camera and the three
-sides (Olano and Greer, "Triangle scan conversion using 2D homogeneous coordinates", Graphics Hardware 1997), which
-needs neither straight rows nor clipping.
+As `render.segmentation`, but through the lens, and every row sees the geoms where they are, from where the camera is,
+at its mid-exposure. Nothing is resampled: a pixel shows a triangle if its ray passes inside the planes through the
+camera and the three sides (Olano and Greer, "Triangle scan conversion using 2D homogeneous coordinates", Graphics
+Hardware 1997), which needs neither straight rows nor clipping.
 """
 
 from __future__ import annotations
@@ -13,52 +13,56 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pftrack_sim.camera.distortion import Lens
+from pftrack_sim.camera.extents import Bodies
 from pftrack_sim.camera.projection import Readout, Triangles, bound_triangles, place_vertices
 from pftrack_sim.core.compiled import kernel, part_of_kernel
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
+from pftrack_sim.render.capture.frame_capture import CapturedFrame
 from pftrack_sim.render.culling import GROUND_CONTACT_M, Bounds, PixelRect, View
 from pftrack_sim.render.segmentation import Segmentation, Segmenter
+from pftrack_sim.truth.silhouettes import Measured, Scene, poses_of
 
 _DEPTH_MARGIN_M = 0.1  # A geom that is farther than a person by less may be nearer when another row is exposed
 _SHORT_PX = 4  # Columns up to which all are tried
 _BEND, _MARGIN_PX = 0.5, 2.0  # How far the image of a box may reach beyond its corners, as a share of its size
+_BORDER_POINTS = 24
 
 
-class RowSegmenter:
-    """Segments one captured frame.
+class CapturedScene(Scene):
+    """A captured frame."""
 
-    Args:
-        segmenter: Segmenter of the model.
-        bounds: Bounding boxes of its geoms.
-        readout: How the rows of the frame see them.
-        rays: `(H, W, 2)` normalized coordinates of the pixels' centres.
-        view: Scene and camera at mid-exposure of the middle row; what is far there is drawn by coarser meshes.
-    """
+    def __init__(self, segmenter: Segmenter, bounds: Bounds, captured: CapturedFrame) -> None:
+        capture = captured.capture
+        self._lens, self._rays = capture.lens, capture.pixel_rays
+        scene = capture.scene_at(capture.shutter.middle_s)
+        poses = scene.geom_xpos.copy(), scene.geom_xmat.copy()
+        super().__init__(segmenter, bounds, View(*poses, captured.T_world_camera, self._lens.K, segmenter.near_m))
+        self._readout = captured.readout
+        self._placed = _Placed(segmenter.triangles, self._readout)
 
-    def __init__(self, segmenter: Segmenter, bounds: Bounds, readout: Readout, rays: FloatArray, view: View) -> None:
-        self._segmenter, self._bounds, self._readout, self._rays = segmenter, bounds, readout, rays
-        self.view = view
-        self._placed = _Placed(segmenter.triangles, readout)
-
-    def extents(self, geoms: IntArray) -> FloatArray:
-        """`(N, 10)` extents of geoms, see `place_vertices`."""
-        return self._placed.extents(geoms)
-
-    def segment(self, rect: PixelRect, geoms: IntArray) -> Segmentation:
-        """Segment a rectangle of pixels, in which only the given geoms are drawn."""
-        found = self._segmenter.nothing(rect)
-        self.add(found, geoms)
-        return found
+    def measure(self, bodies: Bodies, geoms: IntArray) -> Measured:
+        """See `Scene`."""
+        poses, (pose, K, near_m) = poses_of(self.view, geoms), self.view[2:]
+        pinhole, depths, lowest = bodies.boxes(*poses, pose, K, near_m)
+        extents = self._placed.extents(geoms)
+        boxes, swept = (_boxes(extents[:, sides], bodies.starts) for sides in (slice(0, 4), slice(4, 8)))
+        for found in (boxes, swept):
+            found[np.isnan(pinhole[:, 0])] = np.nan
+            # Cut by the near plane: the box of the remaining part is known through a pinhole.
+            for body in np.flatnonzero((depths[:, 0] < near_m) & (depths[:, 1] >= near_m)):
+                found[body] = _through(self._lens, pinhole[body])
+        return Measured(boxes, swept, depths, lowest)
 
     def add(self, found: Segmentation, geoms: IntArray) -> None:
-        """Draw more geoms into a segmentation."""
+        """See `Scene`."""
         left, top, *_ = found.rect
         shapes, placed = self._segmenter.detail.shapes(self.view, geoms), self._placed
         layers = found.ids, found.inverse_depth
         draw_rows(shapes, placed.triangles, placed.bounds(shapes), self._readout, self._rays, left, top, *layers)
 
     def may_occlude(self, rect: PixelRect, geoms: IntArray, farthest_m: float, lowest_m: float) -> BoolArray:
-        """`(N,)` which geoms may occlude a person; see `Bounds.may_occlude`."""
+        """See `Scene`."""
         left, top, right, bottom, *_, nearest, farthest = self._box_extents[geoms].T
         margin = _BEND * np.maximum(right - left, bottom - top) + _MARGIN_PX
         near_m = self._readout.near_m
@@ -83,6 +87,24 @@ class RowSegmenter:
         up = self.view.geom_xmat.reshape(-1, 3, 3)[:, 2]
         reach = np.einsum("ni,ni->n", up, self._bounds.middles) + np.einsum("ni,ni->n", np.abs(up), self._bounds.halves)
         return self.view.geom_xpos[:, 2] + reach
+
+
+def _boxes(extents: FloatArray, starts: IntArray) -> FloatArray:
+    """`(B, 4)` boxes of bodies from `(S, 4)` left, top, right, bottom of their parts [px]."""
+    low, high = np.minimum.reduceat(extents[:, :2], starts), np.maximum.reduceat(extents[:, 2:], starts)
+    return np.concatenate([low, high - low], axis=1)
+
+
+def _through(lens: Lens, box: FloatArray) -> FloatArray:
+    """`(4,)` extent through the lens of a box in the pinhole image [px]."""
+    share = np.linspace(0.0, 1.0, _BORDER_POINTS)
+    left, top, width, height = box
+    x, y = left + share * width, top + share * height
+    sides = [(x, top), (x, top + height), (left, y), (left + width, y)]
+    border = np.concatenate([np.stack(np.broadcast_arrays(*side), axis=-1) for side in sides])
+    pixels = lens.to_pixels((border - lens.K[:2, 2]) / lens.K[(0, 1), (0, 1)])
+    low = pixels.min(axis=0)
+    return np.concatenate([low, pixels.max(axis=0) - low])
 
 
 class _Placed:
