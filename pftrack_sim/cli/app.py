@@ -110,7 +110,7 @@ def render(
 ) -> None:
     """Render an episode as a video, or a frame as an image."""
     from pftrack_sim import scenario as scenarios
-    from pftrack_sim.benchmark.running.filming import save_image, save_video
+    from pftrack_sim.benchmark.running.filming import save_episode
     from pftrack_sim.benchmark.running.sinks import error_text
     from pftrack_sim.benchmark.running.tracker_runner import check_trackers, checked_isolation, make_runners
     from pftrack_sim.trackers.isolation import Limits
@@ -128,11 +128,9 @@ def render(
     with ExitStack() as opened:
         for runner in runners:
             opened.callback(runner.close)
-        if image is None:
-            with progress_bar("drawing", loaded.frame_count(seed)) as tick:
-                save_video(loaded, seed, video, log=log, truth=truth, runners=runners, backend=backend, on_frame=tick)
-        else:
-            save_image(loaded, seed, image, at_s=at_s, truth=truth, runners=runners, backend=backend)
+        files = {"video": video, "log": log, "image": image}
+        with progress_bar("drawing", loaded.frame_count(seed)) as tick:
+            save_episode(loaded, seed, **files, at_s=at_s, truth=truth, runners=runners, backend=backend, on_frame=tick)
     for written in (video, log, image):
         if written is not None:
             tables.print_folder(written)

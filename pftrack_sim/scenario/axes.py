@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal, TypeAlias, Unpack, cast
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, Unpack, cast
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -121,11 +121,6 @@ class OcclusionAxis(Axis, name="occlusion", headline="duration_s", unit="s"):
             raise ValueError(f"every_s must be at least the {length:g} s that each cover lasts, got {self.every_s:g}")
         return self
 
-    @property
-    def likeness(self) -> Share:
-        """Similarity of the crossing pedestrian's clothes to the target's."""
-        return 1.0 if self.kind == "lookalike" else 0.0
-
 
 class DistractorsAxis(Axis, name="distractors", headline="count", unit="people"):
     """Look-alikes who come near the target, in addition to the scenario's own pedestrians.
@@ -188,15 +183,10 @@ class TargetAxis(Axis, name="target", headline="per_minute", unit="manoeuvres / 
 
     def action(self, manoeuvre: Manoeuvre, at_s: float) -> Action:
         """A manoeuvre that begins at this time."""
-        match manoeuvre:
-            case "stop":
-                return Stop(kind="stop", at_s=at_s)
-            case "turn":
-                return Turn(kind="turn", at_s=at_s)
-            case "crouch":
-                return Lowering(kind="crouch", at_s=at_s)
-            case "run":
-                return Run(kind="run", at_s=at_s, speed_m_s=self.run_m_s)
+        if manoeuvre == "run":
+            return Run(kind="run", at_s=at_s, speed_m_s=self.run_m_s)
+        kind: Any = {"stop": Stop, "turn": Turn, "crouch": Lowering}[manoeuvre]
+        return kind(kind=manoeuvre, at_s=at_s)
 
     @property
     def events_s(self) -> tuple[float, ...]:
@@ -264,13 +254,16 @@ class LightAxis(Axis, name="light", headline="dim_ev", unit="EV"):
 
     @model_validator(mode="after")
     def _a_change_ends_before_the_next(self) -> LightAxis:
-        ramp_s = abs(self.dim_ev) / self.rate_ev_s if self.rate_ev_s > 0.0 else 0.0
-        if 2.0 * ramp_s + self.hold_s > self.every_s:
-            raise ValueError(
-                f"every_s must leave room for two ramps and hold_s, {2.0 * ramp_s + self.hold_s:g} s at severity 1, "
-                f"got {self.every_s:g}"
-            )
+        changed_s = 2.0 * self._ramp_s + self.hold_s
+        if changed_s > self.every_s:
+            needed = f"two ramps and hold_s, {changed_s:g} s at severity 1"
+            raise ValueError(f"every_s must leave room for {needed}, got {self.every_s:g}")
         return self
+
+    @property
+    def _ramp_s(self) -> float:
+        """Length of a ramp: at every severity as long as at severity 1, so that a higher one is steeper."""
+        return abs(self.dim_ev) / self.rate_ev_s if self.rate_ev_s > 0.0 else 0.0
 
     @property
     def events_s(self) -> tuple[float, ...]:
@@ -278,16 +271,12 @@ class LightAxis(Axis, name="light", headline="dim_ev", unit="EV"):
         return (self.at_s,) if self.on and self.parts == ("change",) else ()
 
     def course(self, time_s: float) -> float:
-        """Share of the full change at this time, in [0, 1].
-
-        A ramp takes as long at every severity as at severity 1 with its rate: a higher severity is steeper.
-        """
+        """Share of the full change at this time, in [0, 1]."""
         since_s = time_s - self.at_s
         if since_s < 0.0:
             return 0.0
         # A step that falls on a frame is seen in that frame, whichever way the quotient was rounded.
-        phase_s = math.fmod(since_s + 1e-9, self.every_s)
-        ramp_s = abs(self.dim_ev) / self.rate_ev_s if self.rate_ev_s > 0.0 else 0.0
+        phase_s, ramp_s = math.fmod(since_s + 1e-9, self.every_s), self._ramp_s
         if ramp_s == 0.0:
             return 1.0 if phase_s < self.hold_s else 0.0
         return min(1.0, max(0.0, min(phase_s / ramp_s, (2.0 * ramp_s + self.hold_s - phase_s) / ramp_s)))

@@ -98,7 +98,9 @@ def cart_names(axis: OcclusionAxis) -> tuple[str, ...]:
 def axis_occluders(axis: OcclusionAxis) -> tuple[Occluder, ...]:
     """Each occlusion of an axis as a request for a walker."""
     return tuple(
-        Occluder(kind="walker", at_s=at_s, duration_s=length_s, depth=axis.depth, similarity=axis.likeness)
+        Occluder(
+            kind="walker", at_s=at_s, duration_s=length_s, depth=axis.depth, similarity=float(axis.kind == "lookalike")
+        )
         for at_s, length_s in axis.spans_s
     )
 

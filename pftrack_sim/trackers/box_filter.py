@@ -58,6 +58,24 @@ class WalkParameters(RecognitionParameters):
         return centre, centre, self.sigma_size * width, self.sigma_size * height
 
 
+WalkT = TypeVar("WalkT", bound=WalkParameters)
+
+
+class WalkTracker(BaseTracker, Generic[WalkT]):
+    """A tracker whose particles make a random walk; it draws from the stream `"tracker"` of the root seed."""
+
+    def __init__(self, params: WalkT, seed: int) -> None:
+        super().__init__(params.recognition)
+        self.params = params
+        self._seed = seed
+
+    def _start_particles(self, state: FloatArray) -> None:
+        """Put all particles at a `(D,)` state, with the random numbers of a new sequence."""
+        self._rng = random_streams.stream(self._seed, "tracker")
+        self._state = state
+        self._filter = ParticleFilter(np.tile(state, (self.params.particle_count, 1)), self._rng)
+
+
 TUNED_WALK: Mapping[str, Any] = MappingProxyType(
     {"sigma_centre": 0.2, "sigma_size": 0.025, "size_correlation": 1.0, "sigma_unit": "box"}
 )
@@ -109,19 +127,12 @@ ParametersT = TypeVar("ParametersT", bound=BoxFilterParameters)
 ObservationT = TypeVar("ObservationT", bound=Observation)
 
 
-class BoxFilterTracker(BaseTracker, Generic[ParametersT, ObservationT]):
-    """The filter without its observation; it draws from the stream `"tracker"` of the root seed."""
-
-    def __init__(self, params: ParametersT, seed: int) -> None:
-        super().__init__(params.recognition)
-        self.params = params
-        self._seed = seed
+class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, ObservationT]):
+    """The filter without its observation."""
 
     def _start(self, image: Image, box: Box) -> None:
-        self._rng = random_streams.stream(self._seed, "tracker")
-        self._state = state_of(box)
+        self._start_particles(state_of(box))
         self._usual, self._held = 0.0, False
-        self._filter = ParticleFilter(np.tile(self._state, (self.params.particle_count, 1)), self._rng)
         self._camera, self._shift = CameraMotion(), np.zeros(2)
         self._carry(image)
         self._learn_first(image, box)

@@ -11,11 +11,11 @@ import ctypes
 import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import cv2
 import numpy as np
-from pydantic import Field
+from pydantic import create_model
 
 from pftrack_sim.core import boxes, random_streams
 from pftrack_sim.core.boxes import Box
@@ -136,41 +136,20 @@ def _seed_opencv(rng: np.random.Generator) -> None:
         return  # Windows: no handle on the library OpenCV was built with
 
 
-class ModelFiles(Parameters):
-    """Model files of a network; aliases are the names in OpenCV's own parameters."""
-
-    CV2_CLASS: ClassVar[str]
-
-
-class DaSiamRpnFiles(ModelFiles):
-    """Model files of `opencv-dasiamrpn`."""
-
-    CV2_CLASS: ClassVar[str] = "TrackerDaSiamRPN"
-    model: Path | None = None
-    kernel_cls1: Path | None = None
-    kernel_r1: Path | None = None
+def _files(*names: str) -> type[Parameters]:
+    """Parameters that are paths of model files."""
+    fields: Any = dict.fromkeys(names, (Path | None, None))
+    return create_model("ModelFiles", __base__=Parameters, **fields)
 
 
-class NanoFiles(ModelFiles):
-    """Model files of `opencv-nano`."""
-
-    CV2_CLASS: ClassVar[str] = "TrackerNano"
-    backbone: Path | None = None
-    neckhead: Path | None = None
-
-
-class VitFiles(ModelFiles):
-    """Model file of `opencv-vit`."""
-
-    CV2_CLASS: ClassVar[str] = "TrackerVit"
-    model: Path | None = Field(None, serialization_alias="net")
-
-
-NETWORKS: dict[str, type[ModelFiles]] = {
-    "opencv-dasiamrpn": DaSiamRpnFiles,
-    "opencv-nano": NanoFiles,
-    "opencv-vit": VitFiles,
+NETWORKS: dict[str, tuple[str, type[Parameters]]] = {
+    "opencv-dasiamrpn": ("TrackerDaSiamRPN", _files("model", "kernel_cls1", "kernel_r1")),
+    "opencv-nano": ("TrackerNano", _files("backbone", "neckhead")),
+    "opencv-vit": ("TrackerVit", _files("model")),
 }
+"""OpenCV's class of each network, and its model files."""
+_OPENCV_NAMES = {("opencv-vit", "model"): "net"}
+"""Model files that OpenCV's own parameters name otherwise."""
 
 
 class NetworkTracker(BaseTracker):
@@ -183,7 +162,7 @@ class NetworkTracker(BaseTracker):
         TrackerError: A file is no model.
     """
 
-    def __init__(self, name: str, files: ModelFiles) -> None:
+    def __init__(self, name: str, files: Parameters) -> None:
         super().__init__()
         self._name, self._files = name, files
         self._create()  # report invalid files now, not at the first frame
@@ -208,11 +187,12 @@ class NetworkTracker(BaseTracker):
         return Estimate(box, min(max(score, 0.0), 1.0) if np.isfinite(score) else 0.0)
 
     def _create(self) -> Any:
-        options: Any = getattr(cv2, f"{self._files.CV2_CLASS}_Params")()
-        for key, path in self._files.model_dump(by_alias=True).items():
-            setattr(options, key, str(path))
+        kind, _ = NETWORKS[self._name]
+        options: Any = getattr(cv2, f"{kind}_Params")()
+        for key, path in self._files:
+            setattr(options, _OPENCV_NAMES.get((self._name, key), key), str(path))
         try:
-            return getattr(cv2, self._files.CV2_CLASS).create(options)
+            return getattr(cv2, kind).create(options)
         except cv2.error as error:
             given = ", ".join(f"{key}={path}" for key, path in self._files)
             reason = " ".join(str(error).split())[:200]
@@ -241,7 +221,7 @@ def make(name: str, *, seed: int, preset: str, **params: Any) -> OpencvTracker |
     if name in CLASSES:
         Parameters.from_preset(name, preset, params)
         return OpencvTracker(name, seed)
-    files = NETWORKS[name].from_preset(name, preset, params)
+    files = NETWORKS[name][1].from_preset(name, preset, params)
     missing = ", ".join(key for key, path in files if path is None)
     if missing:
         shown = ", ".join(f'{key}="FILE.onnx"' for key, _ in files)

@@ -6,7 +6,7 @@ import av
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.benchmark.running.filming import save_video
+from pftrack_sim.benchmark.running.filming import save_episode
 from pftrack_sim.benchmark.running.rollout import Step, rollout, simulated
 from pftrack_sim.benchmark.running.tracker_runner import make_runners
 from pftrack_sim.simulation.simulation import Simulation
@@ -35,7 +35,7 @@ def test_a_video_shows_frames_at_their_own_times(tmp_path: Path):
         rollout(simulated(simulation, 1), [], [steps.append])
     times = [step.sample.time_s for step in steps]
     assert len(times) < 45
-    save_video(loaded, 1, tmp_path / "lossy.mp4")
+    save_episode(loaded, 1, video=tmp_path / "lossy.mp4")
     with av.open(str(tmp_path / "lossy.mp4")) as opened:
         shown = [frame.time for frame in opened.decode(video=0)]
     assert shown == pytest.approx(times, abs=1e-3)

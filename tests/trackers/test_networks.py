@@ -20,7 +20,7 @@ NAMES = sorted(NETWORKS)
 def test_missing_model_files_are_named(name: str):
     with pytest.raises(TrackerError, match="needs model files") as caught:
         trackers.make(name)
-    for key in NETWORKS[name].model_fields:
+    for key in NETWORKS[name][1].model_fields:
         assert key in str(caught.value)
         assert key in trackers.describe(name)
 
@@ -37,7 +37,7 @@ def test_an_unreadable_model_file_is_named(name: str, tmp_path: Path):
         (noise, "OpenCV cannot read"),
     ):
         with pytest.raises(TrackerError, match=words) as caught:
-            trackers.make(name, **dict.fromkeys(NETWORKS[name].model_fields, str(path)))
+            trackers.make(name, **dict.fromkeys(NETWORKS[name][1].model_fields, str(path)))
         assert str(caught.value).startswith(name)
         assert str(path) in str(caught.value)
 
@@ -45,7 +45,7 @@ def test_an_unreadable_model_file_is_named(name: str, tmp_path: Path):
 @pytest.mark.parametrize("name", NAMES)
 def test_invalid_paths_and_parameters_are_refused(name: str):
     with pytest.raises(ParameterError, match="got 7: input is not a valid path"):
-        trackers.make(name, **dict.fromkeys(NETWORKS[name].model_fields, 7))
+        trackers.make(name, **dict.fromkeys(NETWORKS[name][1].model_fields, 7))
     with pytest.raises(ParameterError, match="weights: unknown key"):
         trackers.make(name, weights="a.onnx")
     with pytest.raises(ParameterError, match="unknown preset"):
@@ -85,10 +85,10 @@ def test_box_and_score_of_the_network_are_returned(
         made.append(Network(options, score))
         return made[-1]
 
-    monkeypatch.setattr(cv2, NETWORKS[name].CV2_CLASS, SimpleNamespace(create=create))
-    tracker = trackers.make(name, **dict.fromkeys(NETWORKS[name].model_fields, file))
+    monkeypatch.setattr(cv2, NETWORKS[name][0], SimpleNamespace(create=create))
+    tracker = trackers.make(name, **dict.fromkeys(NETWORKS[name][1].model_fields, file))
     aliases = {"model": "net"} if name == "opencv-vit" else {}
-    assert all(getattr(made[0].options, aliases.get(key, key)) == str(file) for key in NETWORKS[name].model_fields)
+    assert all(getattr(made[0].options, aliases.get(key, key)) == str(file) for key in NETWORKS[name][1].model_fields)
     for _ in range(2):  # init forgets
         tracker.init(images[0], truth[0])
         estimate = tracker.update(images[1])

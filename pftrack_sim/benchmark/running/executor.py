@@ -11,6 +11,7 @@ import os
 import signal
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
@@ -20,7 +21,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
-from typing import Any, Protocol
+from typing import Any
 
 from pftrack_sim.benchmark.running.episode import EpisodeFiles, EpisodeJob, run_episode
 from pftrack_sim.core.compiled import compile_in_silence
@@ -54,33 +55,32 @@ def _finish(job: EpisodeJob, result: Callable[[], EpisodeFiles]) -> FinishedJob:
         return FinishedJob(job, None, str(error))
 
 
-class Executor(Protocol):
+class Executor(ABC):
     """Runs episodes in any order."""
 
+    @property
+    def frames_done(self) -> int | None:
+        """Frames rendered so far, or None when they are known only after each episode."""
+        return None
+
+    @abstractmethod
     def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
         """Run every job, taking only as many from the iterator as can be worked on.
 
         Yields:
             Each finished job, and None a few times a second so that progress can be shown.
         """
-        ...
 
-    @property
-    def frames_done(self) -> int | None:
-        """Frames rendered so far, or None when they are known only after each episode."""
-        ...
-
+    @abstractmethod
     def close(self) -> None:
         """Stop at once and drop unfinished episodes."""
-        ...
 
 
-class SerialExecutor:
+class SerialExecutor(Executor):
     """Runs one episode after the other in this process; closes the processes of isolated trackers with itself."""
 
     def __init__(self, processes: TrackerProcesses) -> None:
-        self.frames_done = 0
-        self._processes = processes
+        self._frames, self._processes = 0, processes
 
     def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
         """See `Executor`."""
@@ -91,11 +91,16 @@ class SerialExecutor:
         """See `Executor`."""
         self._processes.close()
 
+    @property
+    def frames_done(self) -> int:
+        """See `Executor`."""
+        return self._frames
+
     def _count(self) -> None:
-        self.frames_done += 1
+        self._frames += 1
 
 
-class LocalExecutor:
+class LocalExecutor(Executor):
     """Runs episodes in local worker processes, which end with this process."""
 
     def __init__(self, count: int) -> None:
@@ -200,14 +205,12 @@ class _RecordingContext(SpawnContext):
         return process
 
 
-class DaskExecutor:
+class DaskExecutor(Executor):
     """Runs episodes on the workers of a scheduler. They need this package in the same version, and no common disk.
 
     Raises:
         RunError: `distributed` is not installed, or the scheduler does not answer.
     """
-
-    frames_done: None = None
 
     def __init__(self, address: str) -> None:
         try:

@@ -6,6 +6,7 @@ Of the latter the frames are drawn again; the estimates are those that were stor
 from __future__ import annotations
 
 import contextlib
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -33,75 +34,59 @@ _COLUMNS = ("estimate", "confidence", "estimate_occluded", "answered")
 _COMMAND = ("command_forward", "command_turn", "command_pan", "command_tilt", "late_s")
 
 
-def save_video(
+def save_episode(
     scenario: Scenario,
     seed: int,
-    path: Path | None,
     *,
+    video: Path | None = None,
     log: Path | None = None,
+    image: Path | None = None,
+    at_s: float = 0.0,
     truth: bool = False,
     runners: Sequence[TrackerRunner] = (),
     backend: str | None = None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> None:
-    """Write an episode as H.264, as a log, or as both; beside it the picture and text of every tracker's error.
+    """Write an episode as H.264, as a log, or as both, or else one frame of it as an image.
+
+    Beside a video or log lie the picture and text of every tracker's error.
 
     Args:
         scenario: The scenario.
         seed: Root seed.
-        path: File ending in `.mp4`, or None.
-        log: File ending in `.rrd` or `.mcap`, or None.
+        video: File ending in `.mp4`.
+        log: File ending in `.rrd` or `.mcap`.
+        image: File ending in `.png` or `.jpg`; the episode ends at its frame.
+        at_s: Time of that frame since the start of the episode, within its duration.
         truth: Draw the true boxes.
         runners: Fresh trackers; their estimates are drawn, with the true boxes.
         backend: Renderer, by name.
         on_frame: Called after every frame.
     """
-    settings = scenario.resolve(seed)
+    settings, until_s = scenario.resolve(seed), math.inf
+    last: deque[Step] = deque(maxlen=1)
+    if image is not None:
+        if image.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+            raise ParameterError(f"an image's name must end in .png or .jpg, got {str(image)!r}")
+        if at_s > settings.duration_s:
+            raise ParameterError(f"the episode lasts {settings.duration_s:g} s, so there is no frame at {at_s:g} s")
+        until_s = at_s
     with Simulation(scenario, backend=backend) as simulation, contextlib.ExitStack() as opened:
-        sinks: list[Sink] = [lambda step: on_frame()]
-        if path is not None:
-            add = opened.enter_context(video_writer(path, settings.camera.rate_hz))
+        sinks: list[Sink] = [lambda step: on_frame(), last.append]
+        if video is not None:
+            add = opened.enter_context(video_writer(video, settings.camera.rate_hz))
             sinks.append(lambda step: add(_drawn(step.sample, truth, runners), step.sample.time_s))
         if log is not None:
             sinks.append(opened.enter_context(episode_log(log, f"{scenario.name} seed {seed}", settings, runners)))
         errors = ErrorLog(runners)
-        rollout(simulated(simulation, seed, sensors=log is not None), runners, [*sinks, errors])
-    beside = path or log or Path()
+        rollout(simulated(simulation, seed, until_s=until_s, sensors=log is not None), runners, [*sinks, errors])
+    if image is not None:
+        write_bytes(image, encode(_drawn(last[0].sample, truth, runners), image.suffix))
+        return
+    beside = video or log or Path()
     stems = [f"{beside.stem}-error-{slug(runner.spec.label)}" for runner in runners]
     for name, content in errors.files(stems).items():
         write_bytes(beside.with_name(name), content)
-
-
-def save_image(
-    scenario: Scenario,
-    seed: int,
-    path: Path,
-    *,
-    at_s: float = 0.0,
-    truth: bool = False,
-    runners: Sequence[TrackerRunner] = (),
-    backend: str | None = None,
-) -> None:
-    """Write one frame as PNG or JPEG.
-
-    Args:
-        scenario: The scenario.
-        seed: Root seed.
-        path: File ending in `.png` or `.jpg`.
-        at_s: Time of the frame since the start of the episode, within its duration.
-        truth: Draw the true boxes.
-        runners: Fresh trackers, run up to this frame; their estimates are drawn, with the true boxes.
-        backend: Renderer, by name.
-    """
-    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
-        raise ParameterError(f"an image's name must end in .png or .jpg, got {str(path)!r}")
-    duration_s = scenario.resolve(seed).duration_s
-    if at_s > duration_s:
-        raise ParameterError(f"the episode lasts {duration_s:g} s, so there is no frame at {at_s:g} s")
-    last: deque[Step] = deque(maxlen=1)
-    with Simulation(scenario, backend=backend) as simulation:
-        rollout(simulated(simulation, seed, until_s=at_s), runners, [last.append])
-    write_bytes(path, encode(_drawn(last[0].sample, truth, runners), path.suffix))
 
 
 def _drawn(sample: Sample, truth: bool, runners: Sequence[TrackerRunner]) -> Image:

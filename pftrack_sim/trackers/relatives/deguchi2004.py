@@ -17,17 +17,24 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from pftrack_sim.core import boxes, random_streams
+from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.box_filter import MIN_SIZE_PX, TUNED_WALK, USUAL_RATE, WalkParameters, clip_states, state_of
+from pftrack_sim.trackers.box_filter import (
+    MIN_SIZE_PX,
+    TUNED_WALK,
+    USUAL_RATE,
+    WalkParameters,
+    WalkTracker,
+    clip_states,
+    state_of,
+)
 from pftrack_sim.trackers.features.histogram import COLUMNS, ROWS, epanechnikov_layout, histogram, similarities
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.mean_shift import Partition, area_histograms, mean_shift
 from pftrack_sim.trackers.features.pixel_codes import JOINT_COUNT, hsv_joint_codes
-from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
+from pftrack_sim.trackers.filters import RandomWalk
 from pftrack_sim.trackers.parameters import Count, Positive, Share
 
 _LAYOUT, _WHOLE = epanechnikov_layout(1, JOINT_COUNT), Partition()
@@ -66,19 +73,12 @@ class Deguchi2004Parameters(WalkParameters):
     seeded_share: Share = 0.5
 
 
-class Deguchi2004(BaseTracker):
-    """Mean shift with a particle filter beside it; it draws from the stream `"tracker"` of the root seed."""
-
-    def __init__(self, params: Deguchi2004Parameters, seed: int) -> None:
-        super().__init__(params.recognition)
-        self.params = params
-        self._seed = seed
+class Deguchi2004(WalkTracker[Deguchi2004Parameters]):
+    """Mean shift with a particle filter beside it."""
 
     def _start(self, image: Image, box: Box) -> None:
-        self._state, self._first_size = state_of(box), np.array(box[2:])
-        self._usual, self._lost = 1.0, False
-        states = np.tile(self._state, (self.params.particle_count, 1))
-        self._filter = ParticleFilter(states, random_streams.stream(self._seed, "tracker"))
+        self._start_particles(state_of(box))
+        self._first_size, self._usual, self._lost = np.array(box[2:]), 1.0, False
         region, codes = self._encode(image, box[None])
         local = region.to_region(box[None])
         self._histogram = histogram(codes, local[0], _LAYOUT)

@@ -19,16 +19,23 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from pftrack_sim.core import boxes, random_streams
+from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.box_filter import MIN_SIZE_PX, TUNED_WALK, USUAL_RATE, WalkParameters, clip_states, state_of
+from pftrack_sim.trackers.box_filter import (
+    MIN_SIZE_PX,
+    TUNED_WALK,
+    USUAL_RATE,
+    WalkParameters,
+    WalkTracker,
+    clip_states,
+    state_of,
+)
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.mean_shift import SIDE, Partition, area_histograms, mean_shift
 from pftrack_sim.trackers.features.pixel_codes import JOINT_COUNT, hsv_joint_codes
-from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
+from pftrack_sim.trackers.filters import RandomWalk
 from pftrack_sim.trackers.parameters import Count, Share
 
 _REACH = 1.0  # Mean shift may leave the particles behind by as much as this share of a box
@@ -90,20 +97,16 @@ class BoxWalk:
         return np.column_stack([moved, states[:, 4] + self.sigma_angle * rng.standard_normal(len(states))])
 
 
-class Khan2011(BaseTracker):
-    """The tracker; it draws from the stream `"tracker"` of the root seed."""
+class Khan2011(WalkTracker[Khan2011Parameters]):
+    """The tracker."""
 
     def __init__(self, params: Khan2011Parameters, seed: int) -> None:
-        super().__init__(params.recognition)
-        self.params = params
-        self._seed = seed
+        super().__init__(params, seed)
         self._partition = Partition(params.rows, params.columns)
 
     def _start(self, image: Image, box: Box) -> None:
-        self._state = np.append(state_of(box), 0.0)
+        self._start_particles(np.append(state_of(box), 0.0))
         self._first_size = np.array(box[2:])
-        states = np.tile(self._state, (self.params.particle_count, 1))
-        self._filter = ParticleFilter(states, random_streams.stream(self._seed, "tracker"))
         region, codes = self._encode(image, self._state[None])
         found = area_histograms(codes, _to_region(self._state[None], region), self._partition, JOINT_COUNT)[0]
         totals = found.sum(axis=1, keepdims=True)
