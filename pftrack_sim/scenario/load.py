@@ -17,6 +17,7 @@ from pftrack_sim.core.errors import ScenarioError, UnknownNameError
 from pftrack_sim.core.inputs import MAX_DEPTH, MAX_TEXT, check_tree, parse_toml, read_bytes
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import ranges
+from pftrack_sim.scenario.extends import extended
 from pftrack_sim.scenario.frame_delivery import frame_count
 from pftrack_sim.scenario.model import LightChange, ResolvedScenario
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
@@ -94,7 +95,7 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
         loaded = scenario
     elif isinstance(scenario, Mapping):
         _check_tree("custom", scenario)
-        loaded = Scenario("custom", ranges.replaced(scenario, {}))
+        loaded = Scenario("custom", extended("custom", ranges.replaced(scenario, {}), _base, None))
     elif isinstance(scenario, (str, Path)):  # pyright: ignore[reportUnnecessaryIsInstance]
         loaded = _read(scenario)
     else:
@@ -119,18 +120,28 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
 
 
 def _read(scenario: str | Path) -> Scenario:
-    shipped = envs_dir() / f"{scenario}.toml"
+    path, name = _located(scenario, Path(scenario))
+    return Scenario(name, extended(name, read_toml(path, name), _base, path.resolve()))
+
+
+def _base(name: str, named_in: Path | None) -> tuple[Path, Tree]:
+    """Path and tree of a base; a path is relative to the file that names it."""
+    path, name = _located(name, Path(name) if named_in is None else named_in.parent / name)
+    return path.resolve(), read_toml(path, name)
+
+
+def _located(scenario: str | Path, path: Path) -> tuple[Path, str]:
+    """The file of a scenario, by its name in `envs/` or else at a path, and its name in messages."""
     if isinstance(scenario, str) and scenario in names():
-        path, name = shipped, scenario
-    else:
-        path, name = Path(scenario), str(scenario)
-        if "\0" in name or not os.path.lexists(path):
-            if path.suffix == ".toml":
-                raise ScenarioError(one_line(name), ["no such file"])
-            raise UnknownNameError("scenario", name, names())
-        if path.is_dir():
-            raise ScenarioError(name, ["is a folder, not a TOML file"])
-    return Scenario(name, read_toml(path, name))
+        return envs_dir() / f"{scenario}.toml", scenario
+    name = str(scenario)
+    if "\0" in name or not os.path.lexists(path):
+        if path.suffix == ".toml":
+            raise ScenarioError(one_line(name), ["no such file"])
+        raise UnknownNameError("scenario", name, names())
+    if path.is_dir():
+        raise ScenarioError(name, ["is a folder, not a TOML file"])
+    return path, name
 
 
 def read_toml(path: Path, name: str) -> Tree:

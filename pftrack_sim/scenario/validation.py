@@ -11,6 +11,7 @@ from typing import Any, cast
 from pydantic import ValidationError
 
 from pftrack_sim.core.errors import did_you_mean
+from pftrack_sim.scenario.extends import KEY
 from pftrack_sim.scenario.model import ResolvedScenario
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
 
@@ -83,7 +84,8 @@ def _allowed_keys(path: KeyPath, tree: object, schema: dict[str, Any]) -> list[s
         node = _resolved(node, schema, value)
         node = node.get("items", {}) if isinstance(part, int) else node.get("properties", {}).get(part, {})
         value = value[part]
-    return sorted(_resolved(node, schema, value).get("properties", {}))
+    known = sorted(_resolved(node, schema, value).get("properties", {}))
+    return [KEY, *known] if not path and schema is json_schema() else known
 
 
 def _resolved(node: Any, schema: dict[str, Any], value: Any) -> Any:
@@ -124,9 +126,16 @@ def editor_schema() -> dict[str, Any]:
             _one_key("choice", {"type": "array", "minItems": 1}),
         ],
     }
+    required = schema.pop("required")
+    base = {"type": "string", "minLength": 1}
+    schema["properties"][KEY] = {
+        "description": "Names or paths of scenarios, of which this one holds only what differs.",
+        "anyOf": [base, {"type": "array", "items": base}],
+    }
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         **schema,
+        "anyOf": [{"required": required}, {"required": [KEY]}],
         "title": "pftrack_sim scenario",
     }
 
