@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from pftrack_sim.cli import datasets, limits, reading, running, tables
+from pftrack_sim.cli import datasets, limits, measuring, reading, running, tables
 from pftrack_sim.cli.examples import epilog
 from pftrack_sim.cli.options import AllowTruth, Backend, Isolation, Params, Preset, Settings
 from pftrack_sim.cli.progress import progress_bar
@@ -219,6 +219,7 @@ for name, command in {
     "bench": running.bench,
     "follow": running.follow,
     "limit": limits.limit,
+    "measure": measuring.measure,
     "film": running.film,
     "evaluate": running.evaluate,
     "export": datasets.export,

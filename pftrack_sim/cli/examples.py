@@ -30,6 +30,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "export corridor --format vot --seeds 0:4 --out dataset",
         "export plaza-walk --format coco --with depth,masks --image jpg --seeds 0:1 --out training",
     ),
+    "measure": (
+        "measure look.mp4 --fovy-deg 50 --out my_robot.toml",
+        "measure dataset/sequences/corridor-0000 --fovy-deg 50",
+    ),
     "evaluate": (
         "evaluate dataset --trackers ko2012,ncc --seeds 0:2",
         "evaluate dataset/sequences/corridor-0000 --trackers ncc --seeds 0 --video boxes.mp4",

@@ -19,6 +19,7 @@ from pftrack_sim.core.image_files import MAX_FILE_BYTES, MAX_PIXELS, decode
 from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.text import one_line
+from pftrack_sim.core.types import FloatArray
 
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png")
 VIDEO = "frames.mp4"
@@ -156,6 +157,20 @@ def video(path: Path) -> tuple[Images, float | None]:
         rate = stream.average_rate
         count = sum(1 for packet in container.demux(stream) if packet.size)
     return ImageStream(path, count, partial(_decode, path)), float(rate) if rate else None
+
+
+def video_times(path: Path) -> FloatArray:
+    """`(N,)` times of the frames of a video [s], the first at 0; empty where the file does not tell them.
+
+    Raises:
+        SequenceError: It is no video.
+    """
+    with _opened_video(path) as (container, stream):
+        stamps = [packet.pts for packet in container.demux(stream) if packet.size]
+        if None in stamps or not stamps:
+            return np.zeros(0)
+        times = np.sort(np.array(stamps, dtype=np.float64)) * float(stream.time_base)
+    return times - times[0]
 
 
 def _decode(path: Path, first: int) -> Iterator[Image]:

@@ -1,0 +1,1 @@
+"""Levels of the stress axes in recorded material, each with its interval."""

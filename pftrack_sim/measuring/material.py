@@ -1,0 +1,145 @@
+"""Material to measure in: frames with their times, and the camera that took them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from pftrack_sim.camera.pinhole import intrinsics
+from pftrack_sim.core.errors import ParameterError, SequenceError
+from pftrack_sim.core.inputs import read_bytes
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.formats.images import SUFFIXES, ImageFiles, Images, numbered_images, video, video_times
+from pftrack_sim.formats.layouts import read_sequence
+
+LEAST_FRAMES = 10
+_RATE_HZ = 25.0
+_FOVY_DEG = (40.0, 50.0, 62.0)  # Of a camera that nothing is known of: most webcams, phones and robots' cameras
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """Frames and when they were taken.
+
+    Attributes:
+        times_s: `(N,)` times.
+        boxes: `(N, 4)` of something known to move [px]; None if nothing is known.
+        timed: Whether the file tells the time of each frame.
+        doubts: What may be wrong with the times.
+    """
+
+    name: str
+    images: Images
+    times_s: FloatArray
+    boxes: FloatArray | None = None
+    timed: bool = False
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def step_s(self) -> float:
+        """Usual time from frame to frame."""
+        return float(np.median(np.diff(self.times_s)))
+
+
+@dataclass(frozen=True, eq=False)
+class CameraModel:
+    """Intrinsics of the camera.
+
+    Attributes:
+        K: `(3, 3)` camera matrix [px].
+        distortion: OpenCV's coefficients.
+        focal_share: Least and greatest focal length, as shares of that in `K`.
+    """
+
+    K: FloatArray
+    distortion: FloatArray
+    focal_share: tuple[float, float] = (1.0, 1.0)
+
+    @property
+    def known(self) -> bool:
+        """Whether the focal length is known."""
+        return self.focal_share == (1.0, 1.0)
+
+
+def read_material(path: Path, rate_hz: float | None = None) -> Material:
+    """A video, or a folder of a recorded sequence or of numbered images.
+
+    Args:
+        path: The file or folder.
+        rate_hz: Frames per second, against what the file tells.
+
+    Raises:
+        SequenceError: It cannot be read, or has fewer than 10 frames, or times that do not rise.
+    """
+    if path.is_dir():
+        try:
+            sequence = read_sequence(path)
+            boxes = np.concatenate([np.full((sequence.start, 4), np.nan), sequence.truth])
+            images, told = sequence.images, sequence.rate_hz
+        except SequenceError:
+            if not any(one.suffix.lower() in SUFFIXES for one in path.iterdir()):
+                raise
+            images, told, boxes = ImageFiles(numbered_images(path)), None, None
+        rate = rate_hz or told or _RATE_HZ
+        doubts = () if rate_hz or told else (f"no rate is told: {rate:g} frames per second are taken; see --rate-hz",)
+        found = Material(path.resolve().name, images, np.arange(len(images)) / rate, boxes, doubts=doubts)
+    else:
+        images, told = video(path)
+        times = video_times(path)
+        found = Material(path.name, images, times, timed=rate_hz is None)
+        if rate_hz is not None or len(times) != len(images):
+            found = replace(found, times_s=np.arange(len(images)) / (rate_hz or told or _RATE_HZ), timed=False)
+    if len(found.images) < LEAST_FRAMES:
+        raise SequenceError(
+            f"{path}: has {len(found.images)} frames; nothing can be told from fewer than {LEAST_FRAMES}"
+        )
+    if not (np.diff(found.times_s) > 0.0).all():
+        raise SequenceError(f"{path}: the times of its frames do not rise; --rate-hz takes them as evenly spaced")
+    return found
+
+
+def camera_of(size_px: tuple[int, int], fovy_deg: float | None, calibration: Path | None) -> CameraModel:
+    """The camera of images of a width and height.
+
+    Args:
+        size_px: Width and height.
+        fovy_deg: Vertical field of view; without it and a calibration, 40 to 62 degrees are taken.
+        calibration: YAML file of ROS or OpenCV: `camera_matrix` and `distortion_coefficients`.
+
+    Raises:
+        ParameterError: The file has another content, or is of another size of the image.
+    """
+    width, height = size_px
+    if calibration is not None:
+        return _calibrated(calibration, size_px)
+    if fovy_deg is not None:
+        return CameraModel(intrinsics(width, height, np.radians(fovy_deg)), np.zeros(5))
+    low, middle, high = (intrinsics(width, height, np.radians(one)) for one in _FOVY_DEG)
+    return CameraModel(middle, np.zeros(5), (high[0, 0] / middle[0, 0], low[0, 0] / middle[0, 0]))
+
+
+def _calibrated(path: Path, size_px: tuple[int, int]) -> CameraModel:
+    try:
+        text = read_bytes(path, 1 << 20).decode()
+        text = text if text.startswith("%YAML") else f"%YAML:1.0\n---\n{text}"
+        flags = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
+        storage = cv2.FileStorage(text, flags)
+        K, distortion = (_numbers(storage.getNode(key)) for key in ("camera_matrix", "distortion_coefficients"))
+        taken = tuple(int(storage.getNode(key).real()) for key in ("image_width", "image_height"))
+    except (OSError, UnicodeDecodeError, SystemError, cv2.error):
+        raise ParameterError(f"{path}: cannot be read as a calibration in YAML") from None
+    if len(K) != 9 or not np.isfinite(K).all() or min(K[0], K[4]) <= 0.0:
+        raise ParameterError(f"{path}: needs camera_matrix with 9 numbers, as ROS and OpenCV write it; got {len(K)}")
+    if taken not in ((0, 0), size_px):
+        raise ParameterError(f"{path}: is of images of {taken[0]}x{taken[1]}, these have {size_px[0]}x{size_px[1]}")
+    if len(distortion) not in (0, 4, 5, 8, 12, 14):
+        raise ParameterError(f"{path}: distortion_coefficients are 4, 5, 8, 12 or 14 numbers, got {len(distortion)}")
+    return CameraModel(K.reshape(3, 3), distortion)
+
+
+def _numbers(node: cv2.FileNode) -> FloatArray:
+    data = node.getNode("data") if node.isMap() else node
+    return np.array([data.at(index).real() for index in range(data.size())] if data.isSeq() else [], dtype=np.float64)

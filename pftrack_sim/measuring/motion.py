@@ -1,0 +1,222 @@
+"""Rotation of the camera from frame to frame, from features of the static background.
+
+Corners are followed by pyramidal Lucas-Kanade flow, forward and back (Shi and Tomasi 1994; Bouguet 2000). Their motion
+is that of a rotating camera (Longuet-Higgins and Prazdny 1980) that drives towards a plane of any slope: three angles
+and three coefficients of inverse depth. Of 200 rotations, each by two corners, the one that most of the image agrees
+with is taken (RANSAC), so that people are left out while they fill less than half of the texture; a robust fit follows.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.core.photometry import DISPLAY_GAMMA
+from pftrack_sim.core.records import Image
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.features.camera_motion import CameraMotion
+
+PARTS = 4
+"""Fits of their own: the cells of either colour of a chessboard, and the upper and the lower half of the image."""
+
+_CELLS = (8, 6)  # Columns and rows of the image in which corners are looked for
+_PER_CELL = 8
+_BACK_PX = 0.5  # A corner that is not found again within this is not followed
+_LEAST = 12  # Corners of the background, without which there is no rotation
+_LEAST_SHARE = 0.4  # Of the corners
+_LEAST_CELLS, _LEAST_COLUMNS = 8, 5  # Of 48 and of 8 that hold corners of the background: fewer may be a person
+_GUESSES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What happened between two frames.
+
+    Attributes:
+        rotation: `(3,)` rotation vector of the camera in its own axes (pitch, yaw, roll) [rad]; NaN if unknown.
+        parts: `(PARTS, 3)` the same from the corners of a part of the image each; NaN where there are too few.
+        corners: Number of corners followed.
+        share: Share of them that belong to the static background.
+        cells: Number of the 48 cells of the image with such corners.
+        stops: Change of the brightness of the same surfaces [EV]; NaN if unknown.
+        difference: Mean absolute difference of the two images as they are [grey levels].
+    """
+
+    rotation: FloatArray
+    parts: FloatArray
+    corners: int
+    share: float
+    cells: int
+    stops: float
+    difference: float
+
+    @property
+    def known(self) -> bool:
+        """Whether the rotation is known."""
+        return bool(np.isfinite(self.rotation).all())
+
+
+class MotionMeter:
+    """Measures the rotation between successive images.
+
+    Args:
+        K: `(3, 3)` camera matrix [px].
+        distortion: OpenCV's coefficients; empty for none.
+    """
+
+    def __init__(self, K: FloatArray, distortion: FloatArray) -> None:
+        self._K, self._distortion = K, distortion
+        self._rng = np.random.default_rng(0)
+        self._shift = CameraMotion(certainty_min=0.2)
+        self._grey: NDArray[np.uint8] | None = None
+
+    def step(self, image: Image, hidden: FloatArray | None = None) -> Step | None:
+        """Motion since the previous image, `(H, W, 3)` uint8 RGB; None for the first.
+
+        `hidden` is the box [px] of something known to move in the previous image: no corner is taken from it.
+        """
+        grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+        shift = self._shift.shift(image)
+        before, self._grey = self._grey, grey
+        if before is None:
+            return None
+        first, second = _followed(before, grey, shift, hidden)
+        difference = float(np.abs(before.astype(np.int16) - grey).mean())
+        unknown = np.full(3, np.nan)
+        nothing = Step(unknown, np.full((PARTS, 3), np.nan), len(first), 0.0, 0, np.nan, difference)
+        if len(first) < _LEAST:
+            return nothing
+        a, b = (
+            cv2.undistortPoints(one[:, None], self._K, self._distortion)[:, 0].astype(float) for one in (first, second)
+        )
+        middle, flow = 0.5 * (a + b), b - a
+        pixel = 1.0 / float(self._K[0, 0])
+        static = _consensus(middle, flow, pixel, self._rng)
+        rotation, static = _robust(middle, flow, static, pixel)
+        cells = _cell(first, grey.shape)
+        occupied = len(np.unique(cells[static]))
+        wide = len(np.unique(cells[static] % _CELLS[0])) >= _LEAST_COLUMNS
+        stops = _stops(before, grey, first[static], second[static])
+        if static.sum() < _LEAST or static.mean() < _LEAST_SHARE or occupied < _LEAST_CELLS or not wide:
+            return Step(unknown, nothing.parts, len(first), float(static.mean()), occupied, stops, difference)
+        parts = np.array([_robust(middle, flow, static & part, pixel)[0] for part in _parts(cells)])
+        return Step(rotation, parts, len(first), float(static.mean()), occupied, stops, difference)
+
+
+def _followed(
+    before: NDArray[np.uint8], after: NDArray[np.uint8], shift: FloatArray, hidden: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """`(N, 2)` places of the same corners in both images [px], spread over the image."""
+    height, width = before.shape
+    mask = np.full(before.shape, 255, np.uint8)
+    if hidden is not None and np.isfinite(hidden).all():
+        left, top, right, bottom = np.rint([*hidden[:2], *(hidden[:2] + hidden[2:])]).astype(int).clip(0)
+        mask[top:bottom, left:right] = 0
+    found: list[FloatArray] = []
+    columns, rows = (
+        [side * place // count for place in range(count + 1)]
+        for side, count in zip((width, height), _CELLS, strict=True)
+    )
+    for (top, bottom), (left, right) in itertools.product(itertools.pairwise(rows), itertools.pairwise(columns)):
+        area = slice(top, bottom), slice(left, right)
+        corners: Any = cv2.goodFeaturesToTrack(before[area], _PER_CELL, 0.05, 4.0, mask=mask[area], blockSize=5)
+        if corners is not None:
+            found.append(np.asarray(corners[:, 0], dtype=np.float64) + np.array([left, top]))
+    if not found:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    points = np.concatenate(found).astype(np.float32)
+    strong = cv2.cornerMinEigenVal(before, 5)[points[:, 1].astype(int), points[:, 0].astype(int)] > 2e-5
+    points = points[strong]
+    if not len(points):
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    guess = (points + shift).astype(np.float32)
+    there, forward = _flow(before, after, points, guess)
+    back, backward = _flow(after, before, there, points.copy())
+    good = forward & backward & (np.linalg.norm(back - points, axis=1) < _BACK_PX)
+    good &= ((there >= 0) & (there <= np.array([width - 1, height - 1]))).all(axis=1)
+    return points[good].astype(np.float64), there[good].astype(np.float64)
+
+
+def _flow(
+    before: NDArray[np.uint8], after: NDArray[np.uint8], points: NDArray[np.float32], guess: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Where `(N, 2)` points are in the second image, and which of them are found."""
+    there, found, _ = cv2.calcOpticalFlowPyrLK(
+        before, after, points, guess, winSize=(15, 15), maxLevel=2, flags=cv2.OPTFLOW_USE_INITIAL_FLOW
+    )
+    return np.asarray(there, dtype=np.float32), np.asarray(found)[:, 0] == 1
+
+
+def _cell(points: FloatArray, shape: tuple[int, ...]) -> NDArray[np.intp]:
+    """`(N,)` cell of each point, row by row."""
+    column, row = (points / (shape[1], shape[0]) * _CELLS).astype(int).T
+    return row.clip(0, _CELLS[1] - 1) * _CELLS[0] + column.clip(0, _CELLS[0] - 1)
+
+
+def _parts(cells: NDArray[np.intp]) -> tuple[NDArray[np.bool_], ...]:
+    """Which of the cells belong to each part."""
+    row, column = np.divmod(cells, _CELLS[0])
+    black, upper = (row + column) % 2 == 0, row < _CELLS[1] // 2
+    return black, ~black, upper, ~upper
+
+
+def _rotational(at: FloatArray) -> FloatArray:
+    """`(N, 2, 3)` flow at normalised coordinates for a rotation about x, y and z."""
+    x, y = at.T
+    return np.stack(
+        [np.stack([x * y, -(1.0 + x * x), y], axis=-1), np.stack([1.0 + y * y, -x * y, -x], axis=-1)], axis=1
+    )
+
+
+def _consensus(at: FloatArray, flow: FloatArray, pixel: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """`(N,)` which points agree with the rotation that most agree with, within 1.5 px."""
+    basis = _rotational(at)
+    pairs = rng.integers(len(at), size=(_GUESSES, 2))
+    matrices = basis[pairs].reshape(_GUESSES, 4, 3)
+    guesses = np.linalg.pinv(matrices) @ flow[pairs].reshape(_GUESSES, 4, 1)
+    errors = np.linalg.norm(flow - np.einsum("nij,gj->gni", basis, guesses[..., 0]), axis=2)
+    losses = np.minimum(errors, 1.5 * pixel).sum(axis=1)
+    return errors[losses.argmin()] < 1.5 * pixel
+
+
+def _robust(
+    at: FloatArray, flow: FloatArray, chosen: NDArray[np.bool_], pixel: float
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """The rotation that fits the chosen points, `(3,)` [rad], and which of all points agree with it.
+
+    Tukey's weights of a scale from the median, and a translation towards a plane, whose flow is
+    (x, y) times an inverse depth linear in x and y.
+    """
+    if chosen.sum() < _LEAST // 2:
+        return np.full(3, np.nan), chosen
+    towards = at[:, :, None] * np.stack([np.ones(len(at)), *at.T], axis=-1)[:, None]
+    basis = np.concatenate([_rotational(at), towards], axis=2)
+    if chosen.sum() < 2 * _LEAST:
+        basis = basis[:, :, :4]
+    weights = chosen.astype(np.float64)
+    solution, errors, scale = np.zeros(basis.shape[2]), np.zeros(len(at)), 0.0
+    for _ in range(6):
+        root = np.sqrt(weights)[:, None]
+        rows = (basis * root[..., None]).reshape(-1, basis.shape[2])
+        solution = np.asarray(np.linalg.lstsq(rows, (flow * root).ravel(), rcond=None)[0], dtype=np.float64)
+        errors = np.asarray(np.linalg.norm(flow - basis @ solution, axis=1), dtype=np.float64)
+        scale = max(4.7 * 0.85 * float(np.median(errors[chosen])), 0.15 * pixel)
+        weights = np.where(chosen, (1.0 - np.minimum(errors / scale, 1.0) ** 2) ** 2, 0.0)
+    return solution[:3], errors < max(scale, 0.5 * pixel)
+
+
+def _stops(before: NDArray[np.uint8], after: NDArray[np.uint8], first: FloatArray, second: FloatArray) -> float:
+    """Median change of brightness around the points [EV], of those that are neither black nor bright."""
+    if not len(first):
+        return float("nan")
+    a, b = (
+        np.asarray(cv2.blur(image, (7, 7)), dtype=np.float64)[points[:, 1].astype(int), points[:, 0].astype(int)]
+        for image, points in ((before, np.rint(first)), (after, np.rint(second)))
+    )
+    usable = (a > 20.0) & (a < 200.0) & (b > 10.0) & (b < 230.0)
+    return float(DISPLAY_GAMMA * np.median(np.log2(b[usable] / a[usable]))) if usable.sum() >= _LEAST else float("nan")

@@ -1,0 +1,81 @@
+"""Level of the stream axis: frames lost or repeated, their rate, and the quality of their compression."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy
+
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.formats.images import ImageFiles
+from pftrack_sim.measuring.material import Material
+from pftrack_sim.measuring.measured import Quantity
+from pftrack_sim.measuring.motion import Step
+
+_QUANTISATION = (
+    *(16, 11, 12, 14, 12, 10, 16, 14, 13, 14, 18, 17, 16, 19, 24, 40, 26, 24, 22, 22, 24, 49),
+    *(35, 37, 29, 40, 58, 51, 61, 60, 57, 51, 56, 55, 64, 72, 92, 78, 64, 68, 87, 69, 55, 56),
+    *(80, 109, 81, 87, 95, 98, 103, 104, 103, 62, 77, 113, 121, 112, 100, 120, 92, 101, 103, 99),
+)  # fmt: skip
+"""Luminance at quality 50, in zigzag order (ITU-T T.81, table K.1)."""
+
+
+def measure_stream(material: Material, steps: Sequence[Step]) -> tuple[list[Quantity], list[str]]:
+    """Rate, share of lost frames and JPEG quality; and doubts about the times."""
+    count, step = len(material.times_s), material.step_s
+    rate = 1.0 / step
+    found = [Quantity("frames per second", rate, rate, rate, "Hz", count, settings={"camera.rate_hz": rate})]
+    settings: dict[str, object] = {}
+    doubts = list(material.doubts)
+    if material.timed:
+        intervals = np.diff(material.times_s) / step
+        uneven = float(np.mean(np.abs(intervals - np.rint(intervals)) > 0.1))
+        if uneven > 0.05:
+            doubts.append(f"{100 * uneven:.0f} % of the frames come at uneven times: the rate is their usual one")
+        else:
+            gaps = np.rint(intervals).astype(int) - 1
+            found.append(_lost(int(gaps.sum()), gaps[gaps > 0], count + int(gaps.sum()), rate))
+            settings |= found[-1].settings
+    still = [one.difference for one in steps]
+    repeated = float(np.mean(np.array(still) < 0.02 * np.median(still)))
+    if repeated > 0.005:
+        found.append(
+            Quantity("repeated frames", repeated, *_share(round(repeated * len(still)), len(still)), "share", count)
+        )
+        doubts.append(f"{100 * repeated:.1f} % of the frames repeat the one before: turns there are taken for none")
+    if isinstance(material.images, ImageFiles) and (quality := jpeg_quality(material.images.paths[0].read_bytes())):
+        found.append(Quantity("JPEG quality", quality, quality, quality, "of 100", 1))
+        settings["axes.stream.jpeg_quality"] = quality
+    if settings:
+        settings = {"axes.stream.dropped_share": 0.0, "axes.stream.jpeg_quality": 100, **settings}
+        found[0] = Quantity(*(found[0].name, rate, rate, rate, "Hz", count), settings={
+            "camera.rate_hz": rate, "axes.stream.severity": 1.0, "axes.stream.rate_hz": rate, **settings
+        })  # fmt: skip
+    return found, doubts
+
+
+def _lost(lost: int, bursts: np.ndarray, sent: int, rate: float) -> Quantity:
+    """Share of lost frames; bursts, not frames, are taken for independent (Clopper and Pearson 1934)."""
+    mean = float(bursts.mean()) if len(bursts) else 1.0
+    low, high = _share(len(bursts), max(1, round(sent / mean)))
+    settings = {"axes.stream.dropped_share": min(0.9, lost / sent), "axes.stream.burst_frames": mean}
+    return Quantity("lost frames", lost / sent, low, high, "share of frames", sent, "stream", settings)
+
+
+def _share(hits: int, trials: int) -> tuple[float, float]:
+    interval = scipy.stats.binomtest(hits, trials).proportion_ci(0.95)
+    return float(interval.low), float(interval.high)
+
+
+def jpeg_quality(content: bytes) -> int | None:
+    """Quality from 1 to 100 of a JPEG file that scales the standard's table; None for other files and tables."""
+    place = content.find(b"\xff\xdb")
+    if content[:2] != b"\xff\xd8" or place < 0 or len(content) < place + 69 or content[place + 4] != 0:
+        return None
+    table: FloatArray = np.frombuffer(content[place + 5 : place + 69], np.uint8).astype(float)
+    for quality in range(100, 0, -1):
+        scale = 5000 // quality if quality < 50 else 200 - 2 * quality
+        if (np.clip((np.array(_QUANTISATION) * scale + 50) // 100, 1, 255) == table).all():
+            return quality
+    return None
