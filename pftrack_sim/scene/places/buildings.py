@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.materials import texture
-from pftrack_sim.scene.places.meshes import ALL_FACES, SIDES, Prop, TexturedMesh, box, quad
+from pftrack_sim.scene.places.meshes import ALL_FACES, SIDES, Prop, TexturedMesh, box, quad, translated
 
 _WIDTH_M = 12.0
 _SHOP_HEIGHT_M = 3.6
@@ -51,34 +52,13 @@ def house(
     ]
     if awning:
         for index in range(3):
-            meshes += _awning(awning, index * _WIDTH_M / 3.0 + 0.2, _WIDTH_M / 3.0 - 0.4)
+            meshes += translated(load_prop("awning", cloth=awning), index * _WIDTH_M / 3.0 + 0.2, 0.0)
     if balconies:
         for index in range(4):
-            meshes += _balcony((index + 0.5) * _WIDTH_M / 4.0, _SHOP_HEIGHT_M + 0.55)
+            meshes += translated(load_prop("balcony"), (index + 0.5) * _WIDTH_M / 4.0, 0.0, _SHOP_HEIGHT_M + 0.55)
     if lit:
         meshes += _lit_windows(rng, storeys)
     return tuple(meshes)
-
-
-def _awning(cloth: str, left: float, width: float) -> Prop:
-    fabric, drop, depth = texture(cloth), 0.55, 1.15
-    low = 2.75 - drop
-    return (
-        quad(fabric, (left, -depth, low), (width, 0, 0), (0, depth, drop)),
-        quad(fabric, (left + width, -depth, low), (-width, 0, 0), (0, depth, drop)),
-        quad(fabric, (left, -depth, low - 0.22), (width, 0, 0), (0, 0, 0.22)),
-    )
-
-
-def _balcony(x: float, z: float) -> Prop:
-    iron = texture("steel-dark")
-    return (
-        box(texture("concrete"), (x, -0.43, z), (1.8, 0.9, 0.14), ALL_FACES),
-        *(box(iron, (x - 0.8 + 0.2 * k, -0.85, z + 0.5), (0.03, 0.03, 0.9), SIDES) for k in range(9)),
-        box(iron, (x, -0.85, z + 0.97), (1.7, 0.05, 0.05), ALL_FACES),
-        *(box(iron, (x + s * 0.83, -0.43, z + 0.97), (0.05, 0.85, 0.05), ALL_FACES) for s in (-1, 1)),
-        box(texture("flowers-red"), (x, -0.97, z + 0.75), (1.3, 0.2, 0.26), ALL_FACES),
-    )
 
 
 def _lit_windows(rng: np.random.Generator, storeys: int) -> Prop:

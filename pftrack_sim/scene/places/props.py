@@ -250,31 +250,12 @@ def potted_plant(rng: np.random.Generator, height: float) -> Prop:
 def rack(rng: np.random.Generator) -> Prop:
     """A pallet rack along x with two bays of three shelves; the goods on the shelves are drawn."""
     bay, depth = 2.7, 1.0
-    meshes = list(_rack_posts(bay, depth))
+    meshes = list(load_prop("rack-posts"))
     for x in (-0.5 * bay, 0.5 * bay):
         for z in [0.12 + 1.45 * k for k in range(3)]:
-            meshes += _rack_shelf(x, z, bay, depth)
+            meshes += translated(load_prop("rack-shelf"), x, 0.0, z)
             meshes += translated(_goods(rng, bay - 0.3, depth), x, 0.0, z + 0.07)
     return tuple(meshes)
-
-
-@built_once
-def _rack_posts(bay: float, depth: float) -> Prop:
-    post, height = texture("steel-blue"), 4.6
-    meshes: list[TexturedMesh] = []
-    for x in (-bay, 0.0, bay):
-        meshes += [box(post, (x, s * 0.5 * depth, 0.5 * height), (0.1, 0.09, height)) for s in (-1, 1)]
-        meshes += [box(post, (x, 0, 0.6 + 1.3 * k), (0.05, depth, 0.06), ALL_FACES) for k in range(3)]
-    return tuple(meshes)
-
-
-@built_once
-def _rack_shelf(x: float, z: float, bay: float, depth: float) -> Prop:
-    beam, shelf = texture("paint-orange"), texture("wood-plain")
-    return (
-        *(box(beam, (x, s * 0.5 * depth, z), (bay - 0.1, 0.06, 0.13), ALL_FACES) for s in (-1, 1)),
-        box(shelf, (x, 0, z + 0.05), (bay - 0.1, depth - 0.06, 0.03), ALL_FACES),
-    )
 
 
 def _goods(rng: np.random.Generator, length: float, depth: float) -> Prop:
