@@ -79,6 +79,10 @@ class RunError(PftrackError):
     """A run folder that cannot be written or read."""
 
 
+class WorkerError(PftrackError):
+    """A process of a vector environment that ended without an answer."""
+
+
 class RenderError(PftrackError):
     """No renderer works; the message names the remedy for each that was tried."""
 

@@ -11,13 +11,14 @@ import functools
 import os
 import signal
 from collections.abc import Callable, Iterable
+from multiprocessing.connection import wait
 from typing import Any, cast
 
 import gymnasium as gym
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode
 from gymnasium.vector.async_vector_env import AsyncState
 
-from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError, WorkerError
 from pftrack_sim.env.base import CameraEnv
 from pftrack_sim.env.tasks import FollowEnv, TrackAndFollowEnv, TrackEnv
 
@@ -30,7 +31,18 @@ def _whole(exchange: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(exchange)
     def marked(self: ProcessVectorEnv, *args: Any, **kwargs: Any) -> Any:
         self.cut_off = True
-        answer = exchange(self, *args, **kwargs)
+        try:
+            answer = exchange(self, *args, **kwargs)
+        except (EOFError, OSError) as error:
+            wait([one.sentinel for one in self.processes], 1.0)
+            ended = [
+                f"{place} with exit code {one.exitcode}" for place, one in enumerate(self.processes) if one.exitcode
+            ]
+            self.close(terminate=True)
+            raise WorkerError(
+                "a process of the vector environment ended without an answer, perhaps for want of memory: number "
+                f"{', '.join(ended) or 'unknown'} ({type(error).__name__}); all are closed now"
+            ) from None
         self.cut_off = False
         return answer
 
@@ -54,6 +66,7 @@ class ProcessVectorEnv(AsyncVectorEnv[Any, Any]):
     Raises:
         ParameterError: No environment, an unknown autoreset mode, or a program without the line above.
         UnknownNameError, ScenarioError: As the environment; also at `reset` and `step`.
+        WorkerError: At `reset` and `step`, where a process has died; all are closed then.
     """
 
     environment: type[CameraEnv] = TrackEnv

@@ -175,6 +175,14 @@ def test_very_deep_json_is_one_error(copied: Path):
         check(copied)
 
 
+def test_a_folder_in_the_place_of_the_summary_is_one_error_when_a_run_is_resumed(copied: Path):
+    (copied / "summary.parquet").unlink()
+    (copied / "summary.parquet").mkdir()
+    (copied / FIRST).unlink()
+    with pytest.raises(RunError, match=r"cannot replace .*summary\.parquet"):
+        run(PLAN, copied, videos="none")
+
+
 def test_a_pipe_is_no_file_and_not_waited_for(copied: Path, tmp_path: Path):
     (copied / SUMS).unlink()
     (copied / "summary.parquet").unlink()

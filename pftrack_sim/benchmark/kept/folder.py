@@ -191,8 +191,11 @@ class RunFolder:
         Raises:
             RunError: They cannot be written.
         """
-        for name in (SUMMARY, *TABLES):  # they would speak of fewer episodes
-            (self.path / name).unlink(missing_ok=True)
+        try:
+            for name in (SUMMARY, *TABLES):  # they would speak of fewer episodes
+                (self.path / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise RunError(f"cannot replace {error.filename}: {error.strerror}") from None
         known = self.checksums.names()
         new = {
             name: content
