@@ -49,10 +49,16 @@ def test_files_that_are_none_of_the_runs_are_named(copied: Path):
     (copied / "logs/link").unlink()
     (copied / "logs/link").symlink_to("/")
     (copied / ".DS_Store").touch()
-    assert check(copied).problems == tuple(f"not of this run: {name}" for name in sorted(foreign))
+    expected = [f"not of this run: {name}" for name in foreign]
+    assert (check(copied).problems, check(copied).beside) == (tuple(sorted(expected[2:])), tuple(sorted(expected[:2])))
     # The next session's checksums do not make them the run's.
     run(PLAN, copied, videos="first")
-    assert check(copied).problems == tuple(f"not of this run: {name}" for name in sorted(foreign))
+    assert (check(copied).problems, check(copied).beside) == (tuple(sorted(expected[2:])), tuple(sorted(expected[:2])))
+    for name in foreign[2:]:
+        (copied / name).unlink()
+    (copied / "comparison.html").touch()
+    Checksums(copied).end()
+    assert check(copied).good
 
 
 def test_an_edited_summary_is_found_whatever_its_checksum(copied: Path):

@@ -23,8 +23,8 @@ SUMS = "SHA256SUMS"
 RECORD = "run.json"
 TABLES_OF_RESULTS = ("episodes/", "frames/")
 
-DERIVED = (RECORD, "summary.parquet", "report.html", "limits.json", "limits.html", "tables/")
-_FOLDERS = ("episodes", "frames", "tables", "videos", "logs", "errors")
+DERIVED = (RECORD, "summary.parquet", "report.html", "limits.json", "limits.html", "comparison.html", "tables/")
+FOLDERS = ("episodes/", "frames/", "tables/", "videos/", "logs/", "errors/")
 _MAX_SUMS_BYTES = 1 << 30
 _LINE = re.compile(r"([0-9a-f]{64}) [ *](.+)")
 
@@ -124,7 +124,7 @@ class Checksums:
     def there(self) -> list[str]:
         """Files of a run that are there."""
         found = [name for name in DERIVED if self._is_file(name)]
-        for top in _FOLDERS:
+        for top in FOLDERS:
             for path in (self._folder / top).rglob("*"):
                 if not path.name.startswith(".") and is_file(path):
                     found.append(path.relative_to(self._folder).as_posix())

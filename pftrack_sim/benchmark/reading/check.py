@@ -10,7 +10,7 @@ from pathlib import Path
 import duckdb
 
 from pftrack_sim.benchmark.asked.plan import AskedResult
-from pftrack_sim.benchmark.kept.checksums import SUMS
+from pftrack_sim.benchmark.kept.checksums import FOLDERS, SUMS
 from pftrack_sim.benchmark.kept.files import query_deadline
 from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
 from pftrack_sim.benchmark.kept.tables import MAX_BYTES, parquet
@@ -25,12 +25,16 @@ _MOST_NAMED = 1000
 
 @dataclass(frozen=True)
 class CheckReport:
-    """Result of a check: how many episodes of the plan are intact, and one line for each problem."""
+    """Result of a check: how many episodes of the plan are intact, and one line for each problem.
+
+    `beside` has a line for each file that is none of the run's and lies beside its folders, which harms nothing.
+    """
 
     path: Path
     episodes: int
     total: int
     problems: tuple[str, ...]
+    beside: tuple[str, ...] = ()
 
     @property
     def good(self) -> bool:
@@ -39,7 +43,7 @@ class CheckReport:
 
     def lines(self) -> Iterator[str]:
         """The report as text."""
-        yield from self.problems
+        yield from (*self.problems, *self.beside)
         verdict = "the run is complete" if self.good else "the run is not complete"
         yield f"{self.path}: {self.episodes} of {self.total} episodes are intact; {verdict}"
 
@@ -57,7 +61,7 @@ def check(path: Path) -> CheckReport:
     plan, present, changes = folder.plan, folder.present, folder.checksums.changes()
     missing = [one for one in plan.asked.values() if folder.result_file(one) not in present]
     tables = {one.key: set(folder.names_of_tables(one)) for one in plan.asked.values()}
-    foreign = folder.foreign
+    foreign = sorted(folder.foreign, key=lambda name: not name.startswith(FOLDERS))
     # These are named by their episodes, or as foreign.
     named = {*foreign}.union(*(tables[one.key] for one in missing))
     problems = [f"{name}: {problem}" for name, problem in changes.items() if name not in named]
@@ -75,11 +79,14 @@ def check(path: Path) -> CheckReport:
         problems.append(f"missing: {episode.name}{labels}")
     if len(lacking) > _MOST_NAMED:
         problems.append(f"missing: {len(lacking) - _MOST_NAMED} episodes more")
-    problems += [f"not of this run: {one_line(name)}" for name in foreign[:_MOST_NAMED]]
+    strangers = [f"not of this run: {one_line(name)}" for name in foreign[:_MOST_NAMED]]
     if len(foreign) > _MOST_NAMED:
-        problems.append(f"not of this run: {len(foreign) - _MOST_NAMED} files more")
+        strangers.append(f"not of this run: {len(foreign) - _MOST_NAMED} files more")
+    within = sum(name.startswith(FOLDERS) for name in foreign)
+    problems += strangers[:within]
     harmed = {one.episode.number for one in (*missing, *damaged)}
-    return CheckReport(path, plan.episode_count - len(harmed), plan.episode_count, tuple(problems))
+    intact, beside = plan.episode_count - len(harmed), tuple(strangers[within:])
+    return CheckReport(path, intact, plan.episode_count, tuple(problems), beside)
 
 
 def _derived_problems(folder: RunFolder, present: Mapping[Path, AskedResult]) -> Iterator[str]:
