@@ -10,7 +10,7 @@ import pytest
 
 from pftrack_sim.core.text import describe_error, one_line, printable
 from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerCode, TrackerFault
-from pftrack_sim.trackers.isolation import tracker as parent
+from pftrack_sim.trackers.isolation import process as parent
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems do not contain processes")
 IMAGE = np.zeros((9, 12, 3), np.uint8)

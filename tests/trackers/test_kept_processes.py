@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.trackers.isolation import IsolatedTracker, TrackerCode, TrackerFault, TrackerProcesses
-from pftrack_sim.trackers.isolation import tracker as parent
+from pftrack_sim.trackers.isolation import process as parent
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems start a process for each episode")
 IMAGE = np.zeros((9, 12, 3), np.uint8)
