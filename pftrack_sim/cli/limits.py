@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -50,6 +51,10 @@ def limit(
         str | None,
         typer.Option("--controllers", "--controller", metavar="A,B", help="Of --follow; default: servo-avoid."),
     ] = None,
+    measured: Annotated[
+        Path | None,
+        typer.Option(metavar="TOML", help="File that measure has written: print margins, breaking point / measured."),
+    ] = None,
     videos: Annotated[bool, typer.Option(help="Film an episode just below and one just above each limit.")] = True,
     *,
     run: RunOptions,
@@ -65,6 +70,7 @@ def limit(
     from pftrack_sim.benchmark.limits.search import Wanted, examples, find_limits, first_plan, make_searches
     from pftrack_sim.benchmark.limits.success import parse_success
     from pftrack_sim.benchmark.running.filming import film
+    from pftrack_sim.measuring.measured import read_levels
     from pftrack_sim.report.limits import limit_tables, write_limits_page
 
     suites = [name for name in scenarios if is_suite(name)]
@@ -79,6 +85,10 @@ def limit(
         parse_percent(width, "--width"),
         budget,
     )
+    levels = read_levels(measured) if measured is not None else {}
+    if measured is not None and not set(levels) & set(wanted.axes):
+        asked = ", ".join(wanted.axes)
+        raise ParameterError(f"{measured} has levels of {', '.join(levels)}, and --axis asks for {asked}")
     chosen = parse_names(controllers) if controllers is not None else None
     base = replace(run, seeds=run.seeds or _SEEDS).plan(scenarios, controllers=chosen, closed_loop=follow)
     searches = make_searches(base, wanted)
@@ -100,7 +110,7 @@ def limit(
             refresh=run.refresh,
             on_progress=on_progress,
         )
-    for table in limit_tables(found):
+    for table in limit_tables(found, levels):
         tables.print_table(table)
     if videos:
         with RunStore.begin(path, RunStore(path).plan) as store:
@@ -108,5 +118,5 @@ def limit(
             with progress_bar("filming", len(shown)) as tick:
                 film(store, shown, backend=run.backend, on_episode=tick)
             store.write_summary()
-    tables.print_lines([f"written: {write_limits_page(path, found)}"])
+    tables.print_lines([f"written: {write_limits_page(path, found, levels)}"])
     raise typer.Exit(1 if any(one.error for one in RunStore(path).results) else 0)

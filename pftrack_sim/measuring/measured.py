@@ -11,10 +11,13 @@ import tomli_w
 from pydantic import ValidationError
 
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.inputs import parse_toml, read_bytes
+from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario.axes import axes_by_name
 from pftrack_sim.scenario.extends import MEASURED
-from pftrack_sim.scenario.load import read_toml
 from pftrack_sim.scenario.section import Section, setting
+
+_MAX_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -91,10 +94,13 @@ def read_levels(path: Path) -> dict[str, Level]:
     """Levels by axis, from a file that `measure` has written.
 
     Raises:
-        ScenarioError: It cannot be read.
-        ParameterError: It has no table `measured`, or one with another content.
+        ParameterError: It cannot be read, has no table `measured`, or one with another content.
     """
-    table = read_toml(path, str(path)).get(MEASURED)
+    try:
+        table = parse_toml(read_bytes(path, _MAX_BYTES).decode()).get(MEASURED)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else one_line(str(error))
+        raise ParameterError(f"{path}: cannot be read as TOML: {reason}") from None
     if not isinstance(table, dict) or not table:
         raise ParameterError(f"{path}: has no table [{MEASURED}.AXIS]; pftrack-sim measure writes one with --out")
     levels: dict[str, Level] = {}

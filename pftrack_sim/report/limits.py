@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,17 +17,24 @@ from pftrack_sim.benchmark.limits.found import Difference, Limit, Limits
 from pftrack_sim.benchmark.limits.scale import is_linear
 from pftrack_sim.benchmark.limits.search import examples
 from pftrack_sim.core.palette import styles_of
+from pftrack_sim.measuring.measured import Level
 from pftrack_sim.report.following import video_link
 from pftrack_sim.report.html import render
+from pftrack_sim.report.margins import margin_table
 from pftrack_sim.report.tables import Table
 
 _WIDTH, _HEIGHT, _LEFT = 600.0, 220.0, 30.0  # of a plot; the level 0 stands at its left edge
 _GROUPS = 14  # Points of a curve
 _TICKS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
 
+_NOTHING: Mapping[str, Level] = MappingProxyType({})
 
-def limit_tables(found: Limits) -> list[Table]:
-    """The breaking points, and the differences between trackers where there are any."""
+
+def limit_tables(found: Limits, measured: Mapping[str, Level] = _NOTHING) -> list[Table]:
+    """The breaking points, and where there are any the differences between trackers, and margins.
+
+    `measured` has levels by axis, as a robot's own video has them.
+    """
     rows = [
         [_axis_of(one), one.tracker, point_text(one), interval_text(one), str(one.episodes), one.stopped]
         for one in found.limits
@@ -41,7 +49,8 @@ def limit_tables(found: Limits) -> list[Table]:
     if pairs:
         tables.append(Table("Differences, paired by seed", ["", "trackers"], ["difference", "95 % interval"], pairs,
                             grouped=True))  # fmt: skip
-    return tables
+    margins = margin_table(found.limits, measured)
+    return [*tables, margins] if margins is not None else tables
 
 
 def _axis_of(one: Limit | Difference) -> str:
@@ -70,8 +79,10 @@ def interval_text(one: Limit) -> str:
             return f"{low:.3g} to {high:.3g}"
 
 
-def write_limits_page(path: Path, found: Limits) -> Path:
+def write_limits_page(path: Path, found: Limits, measured: Mapping[str, Level] = _NOTHING) -> Path:
     """Write `limits.html` into a run folder; it needs nothing but itself and the videos beside it.
+
+    `measured` is that of `limit_tables`.
 
     Raises:
         RunError: No run folder, or one that cannot be written to.
@@ -91,7 +102,7 @@ def write_limits_page(path: Path, found: Limits) -> Path:
         [],
         title=path.resolve().name,
         found=found,
-        tables=limit_tables(found),
+        tables=limit_tables(found, measured),
         styles=styles,
         size=(_WIDTH, _HEIGHT),
         plots=[_plot(group, videos) for group in groups.values()],

@@ -21,6 +21,7 @@ from tests.cli.test_examples import SMALL
         ("corridor --axis jitter --controllers servo", "--controllers needs --follow"),
         ("ko2012 --axis jitter", "takes scenarios"),
         ("corridor --axis latency --trackers ncc", "only where the tracker drives"),
+        ("corridor --axis jitter --measured none.toml", "none.toml: cannot be read as TOML"),
     ],
 )
 def test_a_wrong_input_is_one_line_and_exit_code_2(words: str, said: str, tmp_path: Path):

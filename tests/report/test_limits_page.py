@@ -10,7 +10,9 @@ from pftrack_sim.benchmark.limits.found import Difference, Limit, Limits, Tried
 from pftrack_sim.benchmark.limits.search import Wanted, examples, find_limits, first_plan, make_searches
 from pftrack_sim.benchmark.limits.success import parse_success
 from pftrack_sim.benchmark.running.filming import film
+from pftrack_sim.measuring.measured import Level
 from pftrack_sim.report.limits import interval_text, limit_tables, point_text, write_limits_page
+from pftrack_sim.report.margins import margin_text
 from tests.benchmark.small import SMALL
 
 FOUND = Limit(
@@ -67,6 +69,38 @@ def test_differences_have_a_table_of_their_own():
     assert second.rows == [["corridor, jitter [deg RMS]", "ncc - stay", "+0.5", "+0.1 to +0.9"]]
 
 
+LEVEL = Level(level=0.617, low=0.5, high=0.7, unit="deg RMS", source="look.mp4")
+
+
+@pytest.mark.parametrize(
+    ("changes", "margin"),
+    [
+        ({}, "2 (1.6 to 2.7)"),
+        ({"high": None}, "2 (1.6 to any)"),
+        ({"verdict": "never breaks within the range", "breaking_point": None}, "above 17"),
+        ({"verdict": "breaks below the lowest level", "breaking_point": None, "high": 0.1}, "below 0.2"),
+        ({"verdict": "not monotone", "breaking_point": None}, "-"),
+    ],
+)
+def test_a_margin_is_the_breaking_point_over_what_was_measured(changes, margin):
+    assert margin_text(FOUND.model_copy(update=changes), LEVEL) == margin
+
+
+def test_an_exactly_known_level_leaves_the_interval_of_the_breaking_point():
+    exact = LEVEL.model_copy(update={"level": 0.617, "low": 0.617, "high": 0.617})
+    assert margin_text(FOUND, exact) == f"2 ({1.0 / 0.617:.2g} to {1.5 / 0.617:.2g})"
+    assert margin_text(FOUND, LEVEL.model_copy(update={"level": 0.0, "low": 0.0})) == "nothing was measured"
+
+
+def test_margins_have_a_table_where_the_axis_was_measured():
+    found = Limits(success="overlap >= 0.5 for 90 % of the episode", at=0.5, limits=(FOUND,), differences=())
+    table = limit_tables(found, {"jitter": LEVEL, "noise": LEVEL})[-1]
+    cells = ["0.617 (0.5 to 0.7)", "1.23 (1 to 1.5)", "2 (1.6 to 2.7)"]
+    assert "look.mp4" in table.title
+    assert table.rows == [["corridor, jitter [deg RMS]", "ncc", *cells]]
+    assert len(limit_tables(found, {"noise": LEVEL})) == 1
+
+
 def test_the_page_shows_curves_and_the_episodes_next_to_a_limit(tmp_path: Path):
     plan = plan_all(["corridor"], trackers=["ncc", "stay"], seeds=range(40), overrides=SMALL)
     wanted = Wanted(
@@ -80,8 +114,9 @@ def test_the_page_shows_curves_and_the_episodes_next_to_a_limit(tmp_path: Path):
         shown = examples(store, found)
         film(store, shown)
         store.write_summary()
-    page = write_limits_page(tmp_path / "run", found)
+    page = write_limits_page(tmp_path / "run", found, {"jitter": LEVEL})
     text = page.read_text(encoding="utf-8")
+    assert "Margins: breaking point over what was measured in look.mp4" in text
     assert text.count('<svg class="limit"') == 2
     assert "What breaks first" in text
     links = re.findall(r'<video src="([^"]+)"', text)
