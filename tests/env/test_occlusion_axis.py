@@ -9,6 +9,7 @@ import pytest
 from pftrack_sim import scenario
 from pftrack_sim.core.records import Truth
 from pftrack_sim.scenario.axes import OcclusionAxis
+from pftrack_sim.scene.occluders import axis_occluders
 
 PLACES = [name for name in scenario.names() if name.startswith("easy/")]
 """One scenario for each place; the suites use the same places."""
@@ -135,3 +136,9 @@ def test_occlusions_are_equal_on_every_route(route: dict[str, Any]):
     }
     observed = observing.truths("easy/plaza-walk", {**CLEAR, **keys}, 3, AT_S - 0.5, AT_S + 1.5)
     assert_as_requested(np.array([one.visible_fraction for one in observed]), AT_S - 0.5, ((AT_S, 1.0),), 1.0)
+
+
+def test_a_lookalike_wears_the_targets_clothes_and_a_stranger_others():
+    for kind, similarity in (("lookalike", 1.0), ("stranger", 0.0)):
+        (walker,) = axis_occluders(OcclusionAxis.model_validate({"kind": kind, "severity": 1.0}))
+        assert walker.similarity == similarity

@@ -2,14 +2,14 @@
 
 import json
 import pickle
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.scenario import ranges
-from pftrack_sim.scenario.axes import axes_by_name
+from pftrack_sim.scenario.axes import Manoeuvre, TargetAxis, axes_by_name
 
 
 def minimal(**more: Any) -> dict[str, Any]:
@@ -200,3 +200,10 @@ def test_a_scenario_that_an_override_shortened_can_be_loaded_again():
     assert scenario.load(short, {"camera.width_px": 64}).resolve(0).duration_s == 1.0
     with pytest.raises(ScenarioError, match="ends after the episode, which lasts 1 s"):
         scenario.load(dict(short.tree))
+
+
+@pytest.mark.parametrize("kind", get_args(Manoeuvre))
+def test_a_manoeuvre_of_the_target_axis_is_the_action_of_its_name(kind: Manoeuvre):
+    action = TargetAxis(run_m_s=3.0).action(kind, 2.5)
+    assert (action.kind, action.at_s) == (kind, 2.5)
+    assert kind != "run" or action.model_dump()["speed_m_s"] == 3.0

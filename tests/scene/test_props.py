@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.core.data_files import assets_dir
+from pftrack_sim.scene.places.buildings import house
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.materials import texture
 from pftrack_sim.scene.places.meshes import TexturedMesh, box, cylinder, loft, quad, rough_ellipsoid, tufts
@@ -76,3 +77,10 @@ def test_tufts_of_leaves_cover_an_ellipsoid_and_face_outwards():
     assert np.mean(np.einsum("ij,ij->i", faces, outwards) > 0.0) > 0.9
     assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0)
     assert (mesh.normals * np.repeat(outwards, 3, axis=0)).sum(axis=1).mean() > 1.0
+
+
+def test_balconies_stand_out_of_the_upper_floors():
+    plain, front = (house(np.random.default_rng(0), "brick", 0, balconies=wanted) for wanted in (False, True))
+    added = np.concatenate([mesh.vertices for mesh in front[len(plain) :]])
+    assert added[:, 2].min() > 3.6
+    assert added[:, 1].max() <= 0.05

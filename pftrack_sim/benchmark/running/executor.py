@@ -80,24 +80,16 @@ class SerialExecutor(Executor):
     """Runs one episode after the other in this process; closes the processes of isolated trackers with itself."""
 
     def __init__(self, processes: TrackerProcesses) -> None:
-        self._frames, self._processes = 0, processes
+        self._processes = processes
 
     def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
         """See `Executor`."""
         for job in jobs:
-            yield _finish(job, partial(run_episode, job, self._count, processes=self._processes))
+            yield _finish(job, partial(run_episode, job, processes=self._processes))
 
     def close(self) -> None:
         """See `Executor`."""
         self._processes.close()
-
-    @property
-    def frames_done(self) -> int:
-        """See `Executor`."""
-        return self._frames
-
-    def _count(self) -> None:
-        self._frames += 1
 
 
 class LocalExecutor(Executor):
