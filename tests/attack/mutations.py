@@ -88,10 +88,12 @@ def mutate_folder(folder: Path, data: Any) -> str:
     path = data.draw(st.sampled_from(files), label="file")
     other = data.draw(st.sampled_from(files), label="other")
     how = data.draw(
-        st.sampled_from(["bytes", "bytes", "bytes", "remove", "swap", "folder", "pipe", "link"]), label="do"
+        st.sampled_from(["bytes", "bytes", "bytes", "remove", "swap", "rename", "folder", "pipe", "link"]), label="do"
     )
     if how == "bytes":
         path.write_bytes(mutated_bytes(path.read_bytes(), data))
+    elif how == "rename":
+        path.rename(path.with_name(data.draw(st.sampled_from(["a", f"{path.stem}0{path.suffix}"]), label="name")))
     elif how == "swap":
         if path != other:
             shutil.copy(other, path)

@@ -24,9 +24,10 @@ from pftrack_sim.cli.values import parse_axes, parse_settings, parse_trackers
 from pftrack_sim.core.data_files import envs_dir
 from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.formats import read_sequence
+from pftrack_sim.report import write_report
 from tests.attack.deadline import deadline
 from tests.attack.mutations import VALUES, mutate_folder, mutated, mutated_bytes, paths
-from tests.benchmark.small import small_plan
+from tests.benchmark.small import contents, small_plan
 
 pytestmark = [
     pytest.mark.slow,
@@ -34,6 +35,7 @@ pytestmark = [
 ]
 
 CASES = int(os.environ.get("PFTRACK_SIM_FUZZ_CASES", "500"))
+PLAN = small_plan(range(2), ["oracle", "stay"])
 NAMES = ("plaza-walk", "warehouse", "lee2012/01", "follow/corridor")
 TEXTS = {name: (envs_dir() / f"{name}.toml").read_bytes() for name in NAMES}
 TREES = {name: tomllib.loads(text.decode()) for name, text in TEXTS.items()}
@@ -105,7 +107,7 @@ def test_overrides_and_words_of_the_command_line(name: str, overrides: dict[str,
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return run(small_plan(range(2), ["oracle", "stay"]), tmp_path_factory.mktemp("fuzz") / "run", videos="first").path
+    return run(PLAN, tmp_path_factory.mktemp("fuzz") / "run", videos="first").path
 
 
 def said(path: Path) -> str:
@@ -142,6 +144,45 @@ def test_run_folders(finished: Path, tmp_path_factory: pytest.TempPathFactory, s
             silent = True
     # Without checksums nothing vouches for videos and for the sessions in run.json.
     assert silent or complaints, name
+
+
+@cases(0.1)
+@given(sums=st.booleans(), changes=st.integers(1, 3), data=st.data())
+def test_what_is_done_with_changed_run_folders(
+    finished: Path, tmp_path_factory: pytest.TempPathFactory, sums: bool, changes: int, data: Any
+):
+    """Each command works or says one error, and none harms a result that is good; a run that ends is as it was."""
+    path = tmp_path_factory.getbasetemp() / "resumed"
+    shutil.rmtree(path, ignore_errors=True)
+    shutil.copytree(finished, path)
+    if not sums:
+        (path / "SHA256SUMS").unlink()
+    changed = {mutate_folder(path, data) for _ in range(changes)}
+    store = RunStore(finished)
+    good = [
+        name
+        for one in store.plan.asked.values()
+        if not changed & {*(own := store.names_of_tables(one))}
+        for name in own
+    ]
+    ended = False
+    with deadline(240.0):
+        for what in (
+            lambda: write_report(path),
+            lambda: RunStore(path).query("SELECT tracker, mean_overlap FROM summary"),
+            lambda: said(run(PLAN, path, videos="none").path),
+        ):
+            ended = False
+            try:
+                what()
+                ended = True
+            except PftrackError as error:
+                one_error(error)
+    # A result that the list of checksums does not name any more is run again.
+    if "SHA256SUMS" not in changed:
+        assert all((path / name).read_bytes() == (finished / name).read_bytes() for name in good), changed
+    if ended and sums:
+        assert contents(path) == contents(finished), changed
 
 
 @cases(0.1)
