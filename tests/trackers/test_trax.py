@@ -284,6 +284,14 @@ def test_a_wrong_request_quits_with_its_reason(client: Any, tmp_path: Path, path
     assert process.wait(20) == 2
 
 
+@pytest.mark.slow
+def test_a_client_that_dies_within_a_message_is_not_waited_for():
+    command = [sys.executable, "-m", "pftrack_sim", "trax", "stay"]
+    begun = b'@@TRAX:initialize "data:image/png;base64,iVBOR'
+    done = subprocess.run(command, input=begun, capture_output=True, timeout=120)
+    assert (done.returncode, done.stderr.splitlines()[-1]) == (2, b"pftrack-sim: the client has gone")
+
+
 def test_the_oracle_is_not_served():
     with pytest.raises(TrackerError, match="ground truth"):
         serve(trackers.make("oracle"), "oracle")

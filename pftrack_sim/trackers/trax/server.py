@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import socket
 import sys
+import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +24,9 @@ from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.records import Estimate, Image, Tracker
 from pftrack_sim.core.text import one_line
 from pftrack_sim.trackers.base import NeedsTruth
+
+_END_S = 10.0
+"""Time to end in after the client."""
 
 
 def serve(tracker: Tracker, name: str) -> None:
@@ -47,6 +53,8 @@ def serve(tracker: Tracker, name: str) -> None:
     server: Any = trax.Server(
         ["rectangle"], ["path", "memory", "buffer"], tracker_name=name, tracker_family="pftrack-sim"
     )
+    if "TRAX_SOCKET" not in os.environ and hasattr(select, "poll"):
+        threading.Thread(target=_end_without_client, daemon=True).start()
     try:
         with contextlib.redirect_stdout(sys.stderr):
             while (request := server.wait()).type != "quit":
@@ -58,6 +66,16 @@ def serve(tracker: Tracker, name: str) -> None:
     except PftrackError as error:
         server.quit(one_line(str(error)))
         raise
+
+
+def _end_without_client() -> None:
+    """End this process soon after its client: the library waits for ever where a message has only begun."""
+    client = select.poll()
+    client.register(0, 0)  # wakes when standard input is closed and read
+    client.poll()
+    time.sleep(_END_S)
+    print("pftrack-sim: the client has gone", file=sys.stderr, flush=True)  # noqa: T201 - of the command line
+    os._exit(2)
 
 
 def _check_port(port: str | None) -> None:
