@@ -43,7 +43,8 @@ class Step:
         corners: Number of corners followed.
         share: Share of them that belong to the static background.
         cells: Number of the 48 cells of the image with such corners.
-        stops: Change of the brightness of the same surfaces [EV]; NaN if unknown.
+        stops: `(2,)` change of the brightness of the same surfaces [EV], for a display's curve of tones and for film's;
+            NaN if unknown.
         difference: Mean absolute difference of the two images as they are [grey levels].
     """
 
@@ -52,7 +53,7 @@ class Step:
     corners: int
     share: float
     cells: int
-    stops: float
+    stops: FloatArray
     difference: float
 
     @property
@@ -88,7 +89,7 @@ class MotionMeter:
         first, second = _followed(before, grey, shift, hidden)
         difference = float(np.abs(before.astype(np.int16) - grey).mean())
         unknown = np.full(3, np.nan)
-        nothing = Step(unknown, np.full((PARTS, 3), np.nan), len(first), 0.0, 0, np.nan, difference)
+        nothing = Step(unknown, np.full((PARTS, 3), np.nan), len(first), 0.0, 0, np.full(2, np.nan), difference)
         if len(first) < _LEAST:
             return nothing
         a, b = (
@@ -132,6 +133,10 @@ def _followed(
     points = np.concatenate(found).astype(np.float32)
     strong = cv2.cornerMinEigenVal(before, 5)[points[:, 1].astype(int), points[:, 0].astype(int)] > 2e-5
     points = points[strong]
+    # A change of the light is no motion: flow compares brightness.
+    scale = float(before.std()) / max(float(after.std()), 1.0)
+    offset = float(before.mean()) - scale * float(after.mean())
+    after = np.asarray(np.clip(np.rint(scale * after + offset), 0.0, 255.0), dtype=np.uint8)
     if not len(points):
         return np.zeros((0, 2)), np.zeros((0, 2))
     guess = (points + shift).astype(np.float32)
@@ -210,13 +215,14 @@ def _robust(
     return solution[:3], errors < max(scale, 0.5 * pixel)
 
 
-def _stops(before: NDArray[np.uint8], after: NDArray[np.uint8], first: FloatArray, second: FloatArray) -> float:
-    """Median change of brightness around the points [EV], of those that are neither black nor bright."""
-    if not len(first):
-        return float("nan")
+def _stops(before: NDArray[np.uint8], after: NDArray[np.uint8], first: FloatArray, second: FloatArray) -> FloatArray:
+    """Median change of brightness around the points [EV] by both curves, of those that are neither black nor bright."""
     a, b = (
         np.asarray(cv2.blur(image, (7, 7)), dtype=np.float64)[points[:, 1].astype(int), points[:, 0].astype(int)]
         for image, points in ((before, np.rint(first)), (after, np.rint(second)))
     )
-    usable = (a > 20.0) & (a < 200.0) & (b > 10.0) & (b < 230.0)
-    return float(DISPLAY_GAMMA * np.median(np.log2(b[usable] / a[usable]))) if usable.sum() >= _LEAST else float("nan")
+    usable = (a > 12.0) & (a < 200.0) & (b > 12.0) & (b < 200.0)
+    if usable.sum() < _LEAST:
+        return np.full(2, np.nan)
+    a, b = a[usable], b[usable]
+    return DISPLAY_GAMMA * np.median(np.log2([b / a, b * (255.0 - a) / (a * (255.0 - b))]), axis=1)

@@ -10,6 +10,7 @@ import numpy as np
 
 from pftrack_sim.formats.images import ImageFiles
 from pftrack_sim.measuring.jitter import Systematic, Untold, cuts, measure_jitter
+from pftrack_sim.measuring.light import measure_light
 from pftrack_sim.measuring.material import Material, camera_of
 from pftrack_sim.measuring.measured import Measured, Quantity
 from pftrack_sim.measuring.motion import MotionMeter, Step
@@ -56,6 +57,7 @@ def measure_video(
     )
     measures: dict[str, Callable[[], list[Quantity]]] = {
         "jitter": lambda: measure_jitter(steps, material.times_s, systematic),
+        "light": lambda: measure_light(steps, material.times_s),
     }
     for name, measure in measures.items():
         try:

@@ -1,6 +1,7 @@
 """What is measured in a video, and what is left out."""
 
 import math
+import tomllib
 from pathlib import Path
 
 import cv2
@@ -57,6 +58,10 @@ def shaken(frames: int = 150, rms_deg: float = 0.5, **more: float) -> list[np.nd
 
 def value_of(found: Measured, name: str) -> Quantity:
     return next(one for one in found.quantities if one.name == name)
+
+
+def as_tree(found: Measured) -> dict:
+    return tomllib.loads(as_toml(found))
 
 
 def with_walker(images: list[np.ndarray]) -> list[np.ndarray]:
@@ -133,6 +138,26 @@ def test_uneven_times_and_repeated_frames_are_doubted(tmp_path: Path):
             add(images[index - 1] if index % 10 == 5 else image, (index + 0.3 * math.sin(index)) / RATE_HZ)
     doubts = " ".join(measure_video(read_material(tmp_path / "look.mp4"), fovy_deg=50.0).doubts)
     assert "uneven times" in doubts
+
+
+def dimmed(image: np.ndarray, stops: float) -> np.ndarray:
+    return np.rint(image * 2.0 ** (-stops / 2.2)).astype(np.uint8)
+
+
+@pytest.mark.parametrize("stops", [0.0, 0.6, 1.5])
+def test_a_change_of_the_light_is_told_from_motion_and_from_none(tmp_path: Path, stops: float):
+    images = [dimmed(one, stops if index >= 75 else 0.0) for index, one in enumerate(shaken())]
+    found = measure_video(read_material(write_images(tmp_path / "frames", images), RATE_HZ), fovy_deg=50.0)
+    jitter = value_of(found, "jitter")
+    assert jitter.low < 0.5 < jitter.high
+    if not stops:
+        assert "no change of" in found.left_out["light"]
+        return
+    light = value_of(found, "change of light")
+    assert light.low <= stops <= light.high
+    axis = scenario.load({"extends": "corridor", "axes": as_tree(found)["axes"]}).resolve(0).axes.light
+    assert axis.dim_ev == pytest.approx(light.value, rel=1e-3)
+    assert axis.at_s == pytest.approx(3.0, abs=0.2)
 
 
 def test_nothing_is_measured_across_a_cut(tmp_path: Path):
