@@ -122,9 +122,9 @@ def main(repeats: int) -> None:
 
     for ev in (0.5, 1.0, 2.0):
         axis = {"parts": ["change"], "dim_ev": ev, "auto_exposure": False, "at_s": 2.5, "severity": 1.0}
-        settings = {**SMALL, "duration_s": 5.0, "lights.schedule": [], "axes.light": axis}
+        settings = {**SMALL, **STILL, "duration_s": 5.0, "lights.schedule": [], "axes.light": axis}
         found: list[tuple[float, bool | None]] = []
-        for place in PLACES:
+        for place in PLACES[:4]:  # not every seed of the hall can be planned
             for seed in itertools.islice(seeds, repeats):
                 with tempfile.TemporaryDirectory() as folder:
                     one = measured_back(place, seed, settings, crf=None, folder=Path(folder))
@@ -132,7 +132,7 @@ def main(repeats: int) -> None:
                 print("light", ev, place, seed, *one.interval("change of light"), file=sys.stderr, flush=True)  # noqa: T201
         held = f"{sum(held is True for _, held in found)} of {len(found)}"
         mean = np.nanmean([ratio for ratio, _ in found])
-        print(f"| robot drives, PNG | light falls by {ev} EV | {mean:.2f} | {held} |", flush=True)  # noqa: T201
+        print(f"| robot stands, PNG | light falls by {ev} EV | {mean:.2f} | {held} |", flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":
