@@ -22,9 +22,10 @@ def measure(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="TOML to write: a scenario takes it with extends.")] = None,
 ) -> None:
-    """Measure how much a robot's own video shakes, in the units of the stress axes.
+    """Measure how much a robot's own video shakes.
 
-    Each number has a 95 % interval; what the video does not tell is left out, with the reason.
+    Each number is in the units of the stress axes, with a 95 % interval; what the video does not tell is left out, with
+    the reason.
     """
     from pftrack_sim.benchmark.kept.files import write_bytes
     from pftrack_sim.measuring.material import read_material
