@@ -102,9 +102,10 @@ def _plot(figure: Any, *at: int) -> Any:
 def _legend_below(figure: Any, abreast: int) -> None:
     """Write the names of the curves below them all, as they may lie anywhere; no more abreast than have room."""
     names = figure.axes[0].get_legend_handles_labels()
-    room = int(_LETTERS_PER_INCH * figure.get_figwidth()) // (max(map(len, names[1]), default=0) + _KEY_LETTERS)
+    whole = figure.figure  # of a part of one, too
+    room = int(_LETTERS_PER_INCH * whole.get_figwidth()) // (max(map(len, names[1]), default=0) + _KEY_LETTERS)
     abreast = max(1, min(abreast, room))
-    figure.set_figheight(figure.get_figheight() + 0.16 * max(0, -(-len(names[1]) // abreast) - 3))
+    whole.set_figheight(whole.get_figheight() + 0.16 * max(0, -(-len(names[1]) // abreast) - 3))
     legend = figure.legend(*names, loc="outside lower center", ncols=abreast, fontsize=7, frameon=False)
     for text in legend.get_texts():
         text.set_parse_math(False)  # a tracker's name is no formula
