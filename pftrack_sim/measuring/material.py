@@ -28,6 +28,7 @@ class Material:
         times_s: `(N,)` times.
         boxes: `(N, 4)` of something known to move [px]; None if nothing is known.
         timed: Whether the file tells the time of each frame.
+        rated: Whether the rate is known; if not, the times are those of 25 frames per second.
         doubts: What may be wrong with the times.
     """
 
@@ -36,6 +37,7 @@ class Material:
     times_s: FloatArray
     boxes: FloatArray | None = None
     timed: bool = False
+    rated: bool = True
     doubts: tuple[str, ...] = ()
 
     @property
@@ -83,9 +85,10 @@ def read_material(path: Path, rate_hz: float | None = None) -> Material:
             if not any(one.suffix.lower() in SUFFIXES for one in path.iterdir()):
                 raise
             images, told, boxes = ImageFiles(numbered_images(path)), None, None
-        rate = rate_hz or told or _RATE_HZ
-        doubts = () if rate_hz or told else (f"no rate is told: {rate:g} frames per second are taken; see --rate-hz",)
-        found = Material(path.resolve().name, images, np.arange(len(images)) / rate, boxes, doubts=doubts)
+        rate, rated = rate_hz or told or _RATE_HZ, bool(rate_hz or told)
+        doubts = () if rated else (f"no rate is told: {rate:g} frames per second are taken; see --rate-hz",)
+        times = np.arange(len(images)) / rate
+        found = Material(path.resolve().name, images, times, boxes, rated=rated, doubts=doubts)
     else:
         images, told = video(path)
         times = video_times(path)

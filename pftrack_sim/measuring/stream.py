@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
 
+from pftrack_sim.core.image_files import MAX_FILE_BYTES
+from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats.images import ImageFiles
 from pftrack_sim.measuring.material import Material
@@ -25,7 +28,9 @@ def measure_stream(material: Material, steps: Sequence[Step]) -> tuple[list[Quan
     """Rate, share of lost frames and JPEG quality; and doubts about the times."""
     count, step = len(material.times_s), material.step_s
     rate = 1.0 / step
-    found = [Quantity("frames per second", rate, rate, rate, "Hz", count, settings={"camera.rate_hz": rate})]
+    found: list[Quantity] = []
+    if material.rated:
+        found = [Quantity("frames per second", rate, rate, rate, "Hz", count, settings={"camera.rate_hz": rate})]
     settings: dict[str, object] = {}
     doubts = list(material.doubts)
     if material.timed:
@@ -35,7 +40,7 @@ def measure_stream(material: Material, steps: Sequence[Step]) -> tuple[list[Quan
             doubts.append(f"{100 * uneven:.0f} % of the frames come at uneven times: the rate is their usual one")
         else:
             gaps = np.rint(intervals).astype(int) - 1
-            found.append(_lost(int(gaps.sum()), gaps[gaps > 0], count + int(gaps.sum()), rate))
+            found.append(_lost(int(gaps.sum()), gaps[gaps > 0], count + int(gaps.sum())))
             settings |= found[-1].settings
     still = [one.difference for one in steps]
     repeated = float(np.mean(np.array(still) < 0.02 * np.median(still)))
@@ -44,18 +49,19 @@ def measure_stream(material: Material, steps: Sequence[Step]) -> tuple[list[Quan
             Quantity("repeated frames", repeated, *_share(round(repeated * len(still)), len(still)), "share", count)
         )
         doubts.append(f"{100 * repeated:.1f} % of the frames repeat the one before: turns there are taken for none")
-    if isinstance(material.images, ImageFiles) and (quality := jpeg_quality(material.images.paths[0].read_bytes())):
+    if isinstance(material.images, ImageFiles) and (
+        quality := jpeg_quality(read_bytes(material.images.paths[0], MAX_FILE_BYTES))
+    ):
         found.append(Quantity("JPEG quality", quality, quality, quality, "of 100", 1))
         settings["axes.stream.jpeg_quality"] = quality
-    if settings:
+    if settings and material.rated:  # a stream of an unknown rate would lose frames
         settings = {"axes.stream.dropped_share": 0.0, "axes.stream.jpeg_quality": 100, **settings}
-        found[0] = Quantity(*(found[0].name, rate, rate, rate, "Hz", count), settings={
-            "camera.rate_hz": rate, "axes.stream.severity": 1.0, "axes.stream.rate_hz": rate, **settings
-        })  # fmt: skip
+        settings |= {"camera.rate_hz": rate, "axes.stream.severity": 1.0, "axes.stream.rate_hz": rate}
+        found[0] = replace(found[0], settings=settings)
     return found, doubts
 
 
-def _lost(lost: int, bursts: np.ndarray, sent: int, rate: float) -> Quantity:
+def _lost(lost: int, bursts: np.ndarray, sent: int) -> Quantity:
     """Share of lost frames; bursts, not frames, are taken for independent (Clopper and Pearson 1934)."""
     mean = float(bursts.mean()) if len(bursts) else 1.0
     low, high = _share(len(bursts), max(1, round(sent / mean)))

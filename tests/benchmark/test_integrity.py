@@ -49,7 +49,7 @@ def test_files_that_are_none_of_the_runs_are_named(copied: Path):
     (copied / "logs/link").unlink()
     (copied / "logs/link").symlink_to("/")
     (copied / ".DS_Store").touch()
-    expected = [f"not of this run: {name}" for name in foreign]
+    expected = [f"unknown file: {name}" for name in foreign]
     assert (check(copied).problems, check(copied).beside) == (tuple(sorted(expected[2:])), tuple(sorted(expected[:2])))
     # The next session's checksums do not make them the run's.
     run(PLAN, copied, videos="first")

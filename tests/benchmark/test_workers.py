@@ -109,7 +109,7 @@ def test_check_finds_what_is_wrong(one: RunStore, tmp_path: Path):
         assert problem == f"{first.as_posix()}: changed since it was written"
         (harmed_run / "SHA256SUMS").unlink()
         assert "SHA256SUMS: missing" in check(harmed_run).problems
-    assert check(added).problems == (f"not of this run: {foreign.as_posix()}",)
+    assert check(added).problems == (f"unknown file: {foreign.as_posix()}",)
     with pytest.raises(RunError, match=r"run\.json: changed since"):
         check(edited)
 

@@ -254,3 +254,13 @@ def test_files_without_levels_are_refused(tmp_path: Path):
         file.write_text(text)
         with pytest.raises(ParameterError, match=said):
             read_levels(file)
+
+
+def test_a_rate_that_is_not_told_is_no_measurement(tmp_path: Path):
+    folder = write_images(tmp_path / "frames", shaken())
+    found = measure_video(read_material(folder), fovy_deg=50.0)
+    assert "frames per second" not in [one.name for one in found.quantities]
+    assert "rate_hz" not in as_toml(found)
+    assert any("--rate-hz" in doubt for doubt in found.doubts)
+    told = measure_video(read_material(folder, RATE_HZ), fovy_deg=50.0)
+    assert value_of(told, "frames per second").value == pytest.approx(RATE_HZ)

@@ -11,8 +11,7 @@ from pftrack_sim.benchmark.limits.search import Wanted, examples, find_limits, f
 from pftrack_sim.benchmark.limits.success import parse_success
 from pftrack_sim.benchmark.running.filming import film
 from pftrack_sim.measuring.measured import Level
-from pftrack_sim.report.limits import interval_text, limit_tables, point_text, write_limits_page
-from pftrack_sim.report.margins import margin_text
+from pftrack_sim.report.limits import interval_text, limit_tables, margin_text, point_text, write_limits_page
 from tests.benchmark.small import SMALL
 
 FOUND = Limit(

@@ -79,13 +79,13 @@ def check(path: Path) -> CheckReport:
         problems.append(f"missing: {episode.name}{labels}")
     if len(lacking) > _MOST_NAMED:
         problems.append(f"missing: {len(lacking) - _MOST_NAMED} episodes more")
-    strangers = [f"not of this run: {one_line(name)}" for name in foreign[:_MOST_NAMED]]
+    unknown = [f"unknown file: {one_line(name)}" for name in foreign[:_MOST_NAMED]]
     if len(foreign) > _MOST_NAMED:
-        strangers.append(f"not of this run: {len(foreign) - _MOST_NAMED} files more")
+        unknown.append(f"unknown files: {len(foreign) - _MOST_NAMED} more")
     within = sum(name.startswith(FOLDERS) for name in foreign)
-    problems += strangers[:within]
+    problems += unknown[:within]
     harmed = {one.episode.number for one in (*missing, *damaged)}
-    intact, beside = plan.episode_count - len(harmed), tuple(strangers[within:])
+    intact, beside = plan.episode_count - len(harmed), tuple(unknown[within:])
     return CheckReport(path, intact, plan.episode_count, tuple(problems), beside)
 
 

@@ -69,7 +69,7 @@ def serve(tracker: Tracker, name: str) -> None:
 
 
 def _end_without_client() -> None:
-    """End this process soon after its client: the library waits for ever where a message has only begun."""
+    """End this process soon after its client: vot-trax blocks forever on an incomplete message."""
     client = select.poll()
     client.register(0, 0)  # wakes when standard input is closed and read
     client.poll()
