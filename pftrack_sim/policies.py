@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim.controllers import Controller, RobotParameters
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.core.records import Estimate, Image, Tracker
 from pftrack_sim.core.types import FloatArray
@@ -35,6 +36,7 @@ _TOLERANCE_S = 1e-9
 """Times are quotients of counts: a result due exactly with a frame is ready for it."""
 
 
+@checked
 def robot_parameters(settings: ResolvedScenario, latency_ms: float = 0.0) -> RobotParameters:
     """Parameters of the robot, the camera and the task that a controller may use.
 
@@ -68,6 +70,7 @@ def frames_per_result(latency_ms: float, rate_hz: float) -> int:
 class TrackingPolicy:
     """Any `records.Tracker` as the policy of `Track-v0`."""
 
+    @checked
     def __init__(self, tracker: Tracker) -> None:
         self.tracker = tracker
         self.reset()
@@ -132,6 +135,7 @@ class FollowPolicy:
         robot: What the controller may know of the robot, see `robot_parameters`; None: the size of the image only.
     """
 
+    @checked
     def __init__(self, tracker: Tracker, controller: Controller, robot: RobotParameters | None = None) -> None:
         self.tracking = TrackingPolicy(tracker)
         self.controller = controller

@@ -15,6 +15,7 @@ from pftrack_sim.controllers.base import LEAST_CONFIDENCE, Controller, RobotPara
 from pftrack_sim.controllers.obstacle_avoidance import ObstacleAvoidance
 from pftrack_sim.controllers.target_search import TargetSearch
 from pftrack_sim.controllers.visual_servo import VisualServo
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import ControllerError
 from pftrack_sim.core.plugins import BuiltIn, Registry
 from pftrack_sim.core.records import Estimate
@@ -68,6 +69,7 @@ describe = _REGISTRY.describe
 code_digest = _REGISTRY.code_digest
 
 
+@checked
 def make(name: str, **params: Any) -> Controller:
     """Make a new controller; see `Registry.make` for names, parameters and errors.
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim import scenario as scenarios
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import CommandError, ParameterError
 from pftrack_sim.core.proprioception import PROPRIO_HIGH
 from pftrack_sim.core.records import Estimate, Frame, Image
@@ -62,6 +63,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         "render_fps": 30,
     }
 
+    @checked
     def __init__(
         self,
         scenario: ScenarioLike = "plaza-walk",

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats import ros2
@@ -38,6 +39,7 @@ LAYOUTS: dict[str, Layout] = {
 """In the order in which they are looked for: `groundtruth.txt` alone does not tell GOT-10k, VOT and LaSOT apart."""
 
 
+@checked
 def find_sequences(root: str | Path, layout: str | None = None) -> list[tuple[Path, str]]:
     """Folders of the sequences of a data set, sorted by name, each with its layout.
 
@@ -78,6 +80,7 @@ def _expected(known: Iterable[Layout]) -> str:
     return "; ".join(f"{one.title}: {one.expects}" for one in known)
 
 
+@checked
 def read_sequence(
     path: str | Path, layout: str | None = None, topics: Sequence[str] = (), boxes: FloatArray | None = None
 ) -> RecordedSequence:
@@ -109,6 +112,7 @@ def read_sequence(
     raise SequenceError(f"{folder}: not a sequence in a known layout ({_expected(LAYOUTS.values())})")
 
 
+@checked
 def read_sequences(
     path: str | Path, layout: str | None = None, topics: Sequence[str] = (), boxes: FloatArray | None = None
 ) -> list[RecordedSequence]:

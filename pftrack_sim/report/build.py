@@ -19,6 +19,7 @@ from pftrack_sim.benchmark.kept.checksums import Checksums
 from pftrack_sim.benchmark.kept.files import csv_text, write_bytes
 from pftrack_sim.benchmark.said.claims import evaluate_claims
 from pftrack_sim.benchmark.said.readings import misread_trackers
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.contents import contents, scored_contents
 from pftrack_sim.report.html import render
@@ -28,6 +29,7 @@ from pftrack_sim.report.tables import anchors, benchmark_table, claim_text, pape
 _SESSION_KEYS = ("began", "command", "commit", "versions", "python", "platform")
 
 
+@checked
 def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -> Path:
     """Write `report.html` into a run folder.
 

@@ -18,6 +18,7 @@ from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore
 from pftrack_sim.benchmark.kept.files import atomic_write
 from pftrack_sim.benchmark.said.degradation import STAY, Crossing, Degradation, degradation, mean_degradation
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.types import FloatArray
@@ -38,6 +39,7 @@ _BINS = 10
 """Points of a reliability diagram, of as many frames each."""
 
 
+@checked
 def write_figure(path: Path, target: Path, columns: int = 1) -> Path:
     """Draw a figure of a run.
 

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias, cast
 
 from pydantic import ValidationError
 
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.data_files import envs_dir
 from pftrack_sim.core.errors import ScenarioError, UnknownNameError
 from pftrack_sim.core.inputs import MAX_DEPTH, MAX_TEXT, check_tree, parse_toml, read_bytes
@@ -79,6 +80,7 @@ def names() -> list[str]:
     return sorted(name for name in found if not name.startswith("suites/"))
 
 
+@checked
 def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> Scenario:
     """Load and validate a scenario.
 
@@ -90,16 +92,15 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
     Raises:
         UnknownNameError: No such scenario.
         ScenarioError: The file cannot be read, or keys or values are wrong: all of them at once.
+        ParameterError: An argument of another type.
     """
     if isinstance(scenario, Scenario):
         loaded = scenario
     elif isinstance(scenario, Mapping):
         _check_tree("custom", scenario)
         loaded = Scenario("custom", extended("custom", ranges.replaced(scenario, {}), _base, None))
-    elif isinstance(scenario, (str, Path)):  # pyright: ignore[reportUnnecessaryIsInstance]
-        loaded = _read(scenario)
     else:
-        raise ScenarioError("custom", [f"a scenario is a name, a path, a dict or a Scenario, got {scenario!r}"])
+        loaded = _read(scenario)
     tree = loaded.tree
     errors: list[str] = []
     if len(overrides or {}) > MAX_OVERRIDES:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.camera.shake import camera_shake
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.records import Frame, Image
 from pftrack_sim.core.types import FloatArray
@@ -49,6 +50,7 @@ class Simulation:
         RenderError: Nothing can draw off-screen (raised at the first reset).
     """
 
+    @checked
     def __init__(self, scenario: Scenario, *, backend: str | None = None, image: bool = True) -> None:
         check_name(backend)  # A wrong name is an error now, not at the first reset.
         if backend is not None and not image:

@@ -1,7 +1,6 @@
 """A plan has every combination once, and safe file names."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 from pydantic import ValidationError
@@ -93,22 +92,9 @@ def test_wrong_levels_and_repetitions():
         make_plan(["plaza-walk"], ["stay"], [])
 
 
-@pytest.mark.parametrize("tracker", [{"name": "stay"}, 5, None, ["stay"]])
-def test_a_tracker_that_is_neither_name_nor_specification(tracker: Any):
-    with pytest.raises(ParameterError, match=r"^a tracker is a name or a TrackerSpec, got .") as caught:
-        make_plan(["plaza-walk"], [tracker], [0])
-    assert repr(tracker) in str(caught.value)
-
-
-@pytest.mark.parametrize("seed", ["a", 1.5, -1, None])
-def test_a_seed_that_is_no_whole_number(seed: Any):
-    with pytest.raises(ParameterError, match=f"^plan: .*, got {seed!r}$"):
-        make_plan(["plaza-walk"], ["stay"], [seed])
-
-
-def test_a_scenario_of_another_type():
-    with pytest.raises(ScenarioError, match="a dict or a Scenario, got 5"):
-        make_plan([5], ["stay"], [0])  # pyright: ignore[reportArgumentType]
+def test_a_seed_is_not_negative():
+    with pytest.raises(ParameterError, match=r"^plan: .*, got -1$"):
+        make_plan(["plaza-walk"], ["stay"], [-1])
 
 
 @pytest.mark.parametrize("text", ["", "a", "3:3", "5:2", "1,,2", "-1", "1:2:3"])

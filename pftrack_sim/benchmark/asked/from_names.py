@@ -28,6 +28,7 @@ from pftrack_sim.benchmark.asked.plan import (
 from pftrack_sim.benchmark.asked.suite import Block, Suite, is_suite, load_suite, suite_names
 from pftrack_sim.controllers import code_digest as controller_code
 from pftrack_sim.controllers import make as make_controller
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.code_digest import file_digest
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.core.text import one_line
@@ -47,6 +48,7 @@ MAX_SEEDS = 1_000_000
 _MAX_DIGITS = 18
 
 
+@checked
 def make_plan(
     names: Sequence[ScenarioLike],
     trackers: Sequence[str | TrackerSpec],
@@ -178,6 +180,7 @@ def check_run_axis(axis: str, levels: Iterable[float]) -> None:
             raise ParameterError(f"a start must be a share of the episode in [-1, 1), got {level:g}")
 
 
+@checked
 def join_plans(plans: Sequence[Plan], *, suites: tuple[Suite, ...] = (), truth: ScoredBox = "box") -> Plan:
     """Join plans with the same trackers into one.
 
@@ -196,6 +199,7 @@ def join_plans(plans: Sequence[Plan], *, suites: tuple[Suite, ...] = (), truth: 
     return make_checked_plan(sweeps, plans[0].trackers, all_suites, truth)
 
 
+@checked
 def plan_all(
     names: Sequence[str],
     *,
@@ -268,6 +272,7 @@ def _with_presets(suite: Suite, preset: str | None) -> list[TrackerSpec]:
     return [TrackerSpec(name=name, preset=one) for name in suite.trackers for one in presets]
 
 
+@checked
 def parse_seeds(text: str) -> list[int]:
     """Parse seeds of the command line: `3`, `0:20` (20 excluded), `1,5,9`, and mixtures.
 

@@ -73,12 +73,10 @@ class TrackerSpec(Section):
     allow_truth: bool = False
 
     @classmethod
-    def of(cls, given: object, preset: str = "default") -> TrackerSpec:
-        """A specification, which is kept, or that of a name; ParameterError where it is neither."""
+    def of(cls, given: str | TrackerSpec, preset: str = "default") -> TrackerSpec:
+        """A specification, which is kept, or that of a name."""
         if isinstance(given, TrackerSpec):
             return given
-        if not isinstance(given, str):
-            raise ParameterError(f"a tracker is a name or a TrackerSpec, got {one_line(repr(given), 60)}")
         with parameter_errors("trackers"):
             return cls(name=given, preset=preset)
 

@@ -17,6 +17,7 @@ from pftrack_sim.benchmark.asked.plan import Episode, Plan
 from pftrack_sim.benchmark.datasets.sequence_writer import QUALITIES, ExportJob, ImageFormat, export_sequence
 from pftrack_sim.benchmark.kept.files import atomic_write, write_bytes
 from pftrack_sim.benchmark.running.executor import prepare_worker
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
 from pftrack_sim.formats import LAYOUTS
 from pftrack_sim.formats.maps import check_maps
@@ -31,6 +32,7 @@ _IMAGES: dict[ImageFormat, str] = {
 }
 
 
+@checked
 def export(
     plan: Plan,
     out: Path,

@@ -16,6 +16,7 @@ from pftrack_sim.benchmark.asked.plan import BOX_NOISE, START, TrackerSpec
 from pftrack_sim.benchmark.running.rollout import Sink, recorded, rollout
 from pftrack_sim.benchmark.running.sinks import error_text, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, check_trackers, make_runners
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import ParameterError, RunError, TrackerError
 from pftrack_sim.formats import RecordedSequence
 from pftrack_sim.score import Summary
@@ -53,6 +54,7 @@ def misread_of(results: Iterable[RecordedResult]) -> list[str]:
     return [f"{label}: {words}" for label, words in found.items()]
 
 
+@checked
 def evaluate(
     sequences: Sequence[RecordedSequence],
     trackers: Sequence[str | TrackerSpec],

@@ -28,6 +28,7 @@ from pftrack_sim.benchmark.kept.files import LOCK, lock_folder, remove_parts, wr
 from pftrack_sim.benchmark.kept.record import Record, read_record, session, write_record
 from pftrack_sim.benchmark.kept.tables import OPENED, read_metadata
 from pftrack_sim.benchmark.keys import key_of
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.code_digest import opened_digest, opened_file
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.inputs import is_file
@@ -53,6 +54,7 @@ class RunFolder:
         RunError: It is no run folder, one of another format, or its record was edited.
     """
 
+    @checked
     def __init__(self, path: Path) -> None:
         self.path = path
         self.record = read_record(path)

@@ -22,6 +22,7 @@ from pftrack_sim.benchmark.running.filming import film, worst
 from pftrack_sim.benchmark.running.frame_cache import FrameCache
 from pftrack_sim.benchmark.running.progress import ProgressCounter, RunProgress
 from pftrack_sim.benchmark.running.tracker_runner import check_trackers, checked_isolation
+from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.logs import check_formats
 from pftrack_sim.simulation.simulation import Simulation
@@ -44,6 +45,7 @@ def new_run_path(plan: Plan) -> Path:
     return path
 
 
+@checked
 def run(
     plan: Plan,
     path: Path,
