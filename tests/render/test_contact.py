@@ -58,3 +58,15 @@ def test_the_ground_is_darker_around_things_which_no_geom_shows(place: str, monk
     points = depth[rows, columns, None] * np.stack([x, y, np.ones(len(x))], axis=1)
     heights = (points @ truth.T_world_camera[:3, :3].T + truth.T_world_camera[:3, 3])[:, 2]
     assert np.mean(heights > 0.05) < 0.02
+
+
+def test_a_picture_does_not_depend_on_the_one_before():
+    with Simulation(scenario.load("hall", {"camera.width_px": 160, "camera.height_px": 120})) as simulation:
+        truth = simulation.reset(3).truth
+        world = simulation.world
+        away = truth.T_world_camera @ np.diag([-1.0, 1.0, -1.0, 1.0])
+        with Rasteriser(world.model, 160, 120) as fresh:
+            first = fresh.color(world.data, truth.T_world_camera, truth.K)
+        with Rasteriser(world.model, 160, 120) as used:
+            used.color(world.data, away, truth.K)
+            np.testing.assert_array_equal(used.color(world.data, truth.T_world_camera, truth.K), first)

@@ -36,15 +36,15 @@ class ContactShadows:
         self.feet = feet_of(model) if mesh >= 0 else np.empty(0, dtype=np.intp)
         """Geoms that darken the ground."""
         self._first = int(things >= 0)
-        for geom, kind in zip(geoms, [things] * self._first + [mesh] * len(self.feet), strict=False):
-            # The axes of meshes and of their geoms are those of their inertia.
-            place, axes = model.mesh_pos[kind], _axes(model.mesh_quat[kind])
-            colour = np.array([0.0, 0.0, 0.0, _OPACITY_OF_THINGS], dtype=np.float32)
-            mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_MESH, np.zeros(3), place, axes.reshape(-1), colour)
-            geom.dataid, geom.matid, geom.texcoord, geom.castshadow = 2 * kind, material, 1, 0
+        # The axes of meshes and of their geoms are those of their inertia.
+        self._shapes = [
+            (kind, model.mesh_pos[kind], _axes(model.mesh_quat[kind])) for kind in (things, mesh) if kind >= 0
+        ]
+        self._geoms, self._material, self._own = geoms, material, 0
+        self._keep(self._first)
         # Views of the scene's memory: to look them up takes longer than to write them.
         self._places = [(geom.pos, geom.mat, geom.rgba) for geom in geoms[self._first : self._first + len(self.feet)]]
-        self._mesh_axes = _axes(model.mesh_quat[mesh]) if mesh >= 0 else np.eye(3)
+        self._mesh_axes = self._shapes[-1][2] if self._shapes else np.eye(3)
         self._forward = np.array([_axes(model.geom_quat[geom])[0] for geom in self.feet]).reshape(-1, 3, 1)
 
     def place(self, view: View, shown: BoolArray) -> int:
@@ -56,6 +56,7 @@ class ContactShadows:
         opacity = np.minimum((_GONE_M - xpos[:, 2]) / (_GONE_M - _RESTING_M), 1.0)
         opacity *= np.minimum(np.maximum(lengths_px - _SEEN_PX, 0.0) / (_PLAIN_PX - _SEEN_PX), 1.0)
         seen = np.flatnonzero(opacity > 0.0)
+        self._keep(self._first + len(seen))
         if not seen.size:
             return self._first
         feet = kept[seen]
@@ -68,6 +69,15 @@ class ContactShadows:
         for place, axes, dark, (pos, mat, rgba) in rows:
             pos[:], mat[:], rgba[3] = place, axes, dark
         return self._first + len(seen)
+
+    def _keep(self, count: int) -> None:
+        """Make the first geoms of the scene contact shadows: those after the last `count` hold other geoms since."""
+        for slot in range(self._own, count):
+            kind, place, axes = self._shapes[min(slot, len(self._shapes) - 1)]
+            geom, colour = self._geoms[slot], np.array([0.0, 0.0, 0.0, _OPACITY_OF_THINGS], dtype=np.float32)
+            mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_MESH, np.zeros(3), place, axes.reshape(-1), colour)
+            geom.dataid, geom.matid, geom.texcoord, geom.castshadow = 2 * kind, self._material, 1, 0
+        self._own = count
 
 
 def feet_of(model: mujoco.MjModel) -> IntArray:
