@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from pftrack_sim.cli import datasets, limits, measuring, reading, running, tables
 from pftrack_sim.cli.examples import epilog
@@ -28,6 +29,22 @@ app = typer.Typer(
     rich_markup_mode=None,
     epilog=epilog(""),
 )
+
+
+class _Command(TyperCommand):
+    """A command that refuses a second value for an option that takes one, in place of using the last."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        _, _, order = self.make_parser(ctx).parse_args(list(args))
+        for option in order:
+            if (
+                order.count(option) > 1
+                and option.nargs == 1
+                and not option.multiple
+                and option.param_type_name == "option"
+            ):
+                raise ParameterError(f"{option.opts[0]} is given {order.count(option)} times (allowed: once)")
+        return super().parse_args(ctx, args)
 
 
 def _print_version(wanted: bool) -> None:
@@ -235,4 +252,4 @@ for name, command in {
     "schema": schema,
     "doctor": doctor,
 }.items():
-    app.command(name, epilog=epilog(name))(command)
+    app.command(name, cls=_Command, epilog=epilog(name))(command)

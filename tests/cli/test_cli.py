@@ -367,6 +367,12 @@ def test_a_failing_tracker_is_named_and_the_exit_code_is_1(fault: str, words: st
     assert "stay" in recorded.stdout
 
 
+def test_a_second_value_for_an_option_that_takes_one_is_refused():
+    done = pftrack_sim("bench", "corridor", "--trackers", "stay", "--tracker", "ncc", "--seeds", "0")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "pftrack-sim: --trackers is given 2 times (allowed: once)\n"
+
+
 def test_the_version_help_and_the_module_as_a_command():
     assert pftrack_sim("--version").stdout.startswith("pftrack-sim 0.")
     assert pftrack_sim("-h").stdout == pftrack_sim("--help").stdout
