@@ -43,13 +43,15 @@ def truths(name: ScenarioLike, overrides: Mapping[str, Any], seed: int, from_s: 
         return observed + [simulation.advance().truth for _ in range(round((until_s - from_s) * rate_hz))]
 
 
-def finer_ids(segmenter: Segmenter, view: View, rect: PixelRect, geoms: np.ndarray, finer: int) -> np.ndarray:
-    """Geom at each pixel of a rectangle, -1 for none, of pixels that are so many times finer along an edge."""
+def finer_ids(segmenter: Segmenter, view: View, rect: PixelRect, shapes: np.ndarray, finer: int) -> np.ndarray:
+    """Geom at each pixel of a rectangle, -1 for none, of pixels that are so many times finer along an edge.
+
+    Shapes are those of `Detail`.
+    """
     drawn = segmenter.nothing(rect)
     fx, fy, cx, cy = (finer * value for value in view.intrinsics)
     window = fx, fy, cx - rect.left, cy - rect.top
     poses = view.geom_xpos, view.geom_xmat.reshape(-1, 3, 3), np.array(view.T_world_camera, order="C")
-    shapes = segmenter.detail.shapes(view, geoms)
     draw_triangles(shapes, segmenter.triangles, *poses, window, segmenter.near_m, drawn.ids, drawn.inverse_depth)
     return drawn.ids
 

@@ -75,9 +75,10 @@ def main() -> None:
         table = np.array(rows)
         lines = [f"seeds {first} to {seed}: {len(rows)} frames"]
         for what, values in (("edge of the visible box [px]", table[:, 0]), ("visible fraction", table[:, 1])):
-            marks = np.round(np.quantile(values, (0.5, 0.9, 0.99, 1.0)), 4)
+            marks = np.round(np.nanquantile(values, (0.5, 0.9, 0.99, 1.0)), 4)
             lines.append(f"  {what}: median, 90 %, 99 %, worst {marks}")
         lines.append(f"  edges off by more than half a pixel: {(table[:, 0] > 0.5).sum()}")
+        lines.append(f"  visible in one of the two only: {np.isnan(table[:, 0]).sum()}")
         lines.append(f"  not explained by 0.13 px: {(table[:, 3] == 0).sum()}")
         print("\n".join(lines), flush=True)  # noqa: T201
         if len(rows) >= wanted:

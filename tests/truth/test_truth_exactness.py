@@ -166,6 +166,7 @@ def test_the_truth_of_a_partly_hidden_target_is_that_of_an_independent_segmentat
 LENS = {"distortion": 1.0, "occlusion": 2.0}
 ROLLING = {**LENS, "rolling_shutter": 1.0, "jitter": 1.0, "stream": 1.0}
 FAST = {"rolling_shutter": 4.0, "jitter": 4.0, "distortion": 1.0, "occlusion": 2.0}
+SHAKEN = {"rolling_shutter": 2.0, "jitter": 2.0, "distortion": 1.0, "stream": 1.0, "occlusion": 2.0}
 HIDDEN_ROWS = [
     ("warehouse", 1, 9.6, LENS),
     ("warehouse", 1, 9.8, ROLLING),
@@ -173,6 +174,8 @@ HIDDEN_ROWS = [
     ("corridor", 5, 2.5, FAST),
     ("hall", 5, 2.3, FAST),
     ("station", 5, 4.1, {**FAST, "stream": 1.0, "blur": 1.0}),
+    ("station", 11, 12.56, SHAKEN),
+    ("corridor", 13, 0.72, SHAKEN),
 ]
 
 
@@ -220,10 +223,13 @@ def pixels_by_rows(
 ) -> tuple[np.ndarray, ...]:
     """`(H, W)` pixels of the target, each row of its own scene, drawn 81 times finer.
 
-    Those at whose centre it is visible, within 0.13 px of whose centre it is, and where it is at each of five places
-    there; and those at whose centre it would be if nothing occluded it.
+    Those at whose centre it is visible, within 0.13 px of whose centre it is, and where it is at all of the 361 places
+    there; and those at whose centre it would be if nothing occluded it. Meshes are those of the frame's middle.
     """
     finer, reach, lens, shutter = 81, 9, captured.capture.lens, captured.capture.shutter
+    middle = captured.capture.scene_at(shutter.middle_s)
+    view = View(middle.geom_xpos, middle.geom_xmat, captured.T_world_camera, lens.K, segmenter.near_m)
+    shapes = [segmenter.detail.shapes(view, np.flatnonzero(geoms)) for geoms in (segmenter.drawn, own)]
     masks = np.zeros((4, *lens.size[::-1]), dtype=bool)
     columns = np.arange(max(around.left - 5, 0), min(around.left + around.width + 5, lens.size[0]))
     for row in range(max(around.top - 5, 0), min(around.top + around.height + 5, lens.size[1])):
@@ -236,12 +242,9 @@ def pixels_by_rows(
         rect = PixelRect(*low.tolist(), *(high - low).tolist())
         view = View(scene.geom_xpos, scene.geom_xmat, captured.trajectory.at(when_s), lens.K, segmenter.near_m)
         across, down = (places - low).T
-        visible, whole = (
-            np.append(own, False)[finer_ids(segmenter, view, rect, np.flatnonzero(geoms), finer)]
-            for geoms in (segmenter.drawn, own)
-        )
-        near = [visible[down + y, across + x] for y, x in [(0, 0), *itertools.product((-reach, reach), repeat=2)]]
-        masks[:, row, columns] = near[0], np.any(near, axis=0), np.all(near, axis=0), whole[down, across]
+        visible, whole = (np.append(own, False)[finer_ids(segmenter, view, rect, drawn, finer)] for drawn in shapes)
+        near = [visible[down + y, across + x] for y, x in itertools.product(range(-reach, reach + 1), repeat=2)]
+        masks[:, row, columns] = visible[down, across], np.any(near, axis=0), np.all(near, axis=0), whole[down, across]
     return tuple(masks)
 
 
