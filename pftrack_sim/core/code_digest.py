@@ -115,7 +115,8 @@ class OpenedFiles:
         self.found: dict[str, str] = {}
         self._new: set[str] = set()
         self._seen: set[str] = set()
-        self._folders = sorted((os.path.realpath(one) for one in sys.path if one), key=len, reverse=True)
+        folders = {name(one) for one in sys.path if one for name in (os.path.abspath, os.path.realpath)}
+        self._folders = sorted(folders, key=len, reverse=True)
         self._others = tuple(f"{folder}{os.sep}" for folder in (*_installed_folders(), *_SYSTEM))
         sys.addaudithook(self._note)
 
@@ -124,6 +125,8 @@ class OpenedFiles:
             path, _, flags = arguments
         elif event == "import":  # of an extension
             path, flags = arguments[1], 0
+        elif event == "ctypes.dlopen":
+            path, flags = arguments[0], 0
         else:
             return
         if path and not isinstance(path, int):
@@ -145,8 +148,9 @@ class OpenedFiles:
             real = os.path.realpath(source)
             kept = not real.startswith(self._others) and not real.endswith(_MACHINE_CODE)
             if kept and (digest := opened_digest(Path(real))):
-                inside = next((one for one in self._folders if real.startswith(one + os.sep)), None)
-                taken[real if inside is None else os.path.relpath(real, inside)] = digest
+                # By the name that it was opened by: a link may lead elsewhere later.
+                inside = next((one for one in self._folders if source.startswith(one + os.sep)), None)
+                taken[source if inside is None else os.path.relpath(source, inside)] = digest
         self.found |= taken
         return taken
 

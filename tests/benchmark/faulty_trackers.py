@@ -107,6 +107,14 @@ def stops_its_clock(**_: Any) -> FaultyTracker:
     return StopsItsClock()
 
 
+class _Late(Estimate):
+    def __del__(self) -> None:
+        time.sleep(0.03)
+
+
+works_in_a_finalizer = _with(lambda image: _Late([0, 0, 1, 1]), _AtOnce)
+
+
 def fails_for_seed_4(*, seed: int, **_: Any) -> FaultyTracker:
     if seed == 4:
         raise OSError("no weights")

@@ -124,6 +124,11 @@ def test_a_tracker_that_cannot_be_made_is_reported_before_anything_is_written(tm
     assert not (tmp_path / "run").exists()
 
 
+def test_the_finalizer_of_an_answer_is_charged(tmp_path: Path):
+    done = run(small_plan(range(1), [MODULE + "works_in_a_finalizer"]), tmp_path / "run", videos="none", workers=0)
+    assert done.results[0].measures.ms_median > 30.0
+
+
 def test_a_tracker_is_timed_from_outside_and_what_it_says_stands_beside(tmp_path: Path):
     plan = small_plan(range(1), [MODULE + "stops_its_clock"])
     done = run(plan, tmp_path / "run", videos="none", workers=0)

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import tomli_w
 
@@ -257,6 +258,23 @@ def test_edits_of_what_a_tracker_opens_loads_and_compiles_are_seen(
     after = answers(refresh=True)
     assert after == [*before[:place], value, *before[place + 1 :]]
     assert {name for name, one in kept.items() if files(out).get(name) == one} == {n for n in kept if "-stay-" in n}
+
+
+@pytest.mark.parametrize("name", ["link.json", "library.so"])
+def test_a_link_that_leads_elsewhere_and_another_library_are_other_code(tmp_path: Path, mine: Path, name: str):
+    library, file = Path(np.random.bit_generator.__file__).read_bytes(), mine / name
+    opens = f"ctypes.CDLL({str(file)!r})" if name == "library.so" else f"open({str(file)!r}).close()"
+    helper = mine / "helper_of_mine.py"
+    helper.write_text("import ctypes\n" + helper.read_text().replace("pass", opens))
+    for one in ("one", "two"):
+        (mine / one).write_bytes(library + one.encode())
+    file.symlink_to(mine / "one")
+    plan = lambda: plan_of("0", ["tracker_of_mine:make"])  # noqa: E731
+    run(plan(), tmp_path / "run", videos="none")
+    file.unlink()
+    file.symlink_to(mine / "two")
+    with pytest.raises(RunError, match=rf"--refresh.*\n  trackers\.tracker_of_mine:make\.opened\.{name}: "):
+        run(plan(), tmp_path / "run", videos="none")
 
 
 def test_a_file_too_large_to_read_counts_by_its_size(tmp_path: Path, mine: Path):
