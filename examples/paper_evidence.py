@@ -3,11 +3,13 @@
     python examples/paper_evidence.py walking-off --out kwon2005-walking-off.png
     python examples/paper_evidence.py learning --out lee2012-learning.png
     python examples/paper_evidence.py noise
+    python examples/paper_evidence.py background --episodes lee2012/07:0,1,2 --seconds 8
 
 `walking-off`: the robot stands, the person walks away, and the height of the box of `kwon2005` is compared with the
 true height, with three settings of its template. `learning`: the likelihood of `lee2012`
 around the true box, after learning from its own estimates and after learning from the true boxes. `noise`: a table of
 the target's motion in the videos after Ko et al. 2012 beside the noise of `ko2012`, and its effective sample size.
+`background`: the episodes after Lee et al. 2012 that `lee2012` loses by day, each changed in one thing at a time.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeAlias
 
 import gymnasium as gym
 import matplotlib.pyplot as plt
@@ -25,10 +27,13 @@ from numpy.typing import NDArray
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import trackers
 from pftrack_sim.core.records import Estimate
+from pftrack_sim.score.curves import success_rate
+from pftrack_sim.score.frames import counted_frames, frame_scores
 from pftrack_sim.trackers.filters import ParticleFilter
 from pftrack_sim.trackers.papers.ko2012 import METHODS as KO2012_METHODS
 from pftrack_sim.trackers.papers.ko2012 import Ko2012, Ko2012Parameters, Mixture
 from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012, Lee2012Parameters
+from pftrack_sim.truth.silhouettes import Silhouette
 
 SMALL = MappingProxyType({"camera.width_px": 320, "camera.height_px": 240, "lights.shadows": False})
 WALKING_OFF: Mapping[str, Any] = MappingProxyType(
@@ -58,17 +63,52 @@ PLACES = ("easy/plaza-walk", "easy/warehouse")
 SHIFTS = np.linspace(-1.0, 1.0, 41)
 """Horizontal shifts of the box, as shares of its width."""
 
+LOST = MappingProxyType({"lee2012/01": (0, 1, 4), "lee2012/02": (2, 3), "lee2012/03": (4,)})
+"""Seeds of episodes by day that `lee2012` loses in the first 11 s."""
+CHANGES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        "nothing": {},
+        "no other people": {"axes.distractors.severity": 0, "distractors.count": 0},
+        "steady light": {"axes.light.severity": 0, "lights.patches": 0},
+        "nothing on the ground": {"place.clutter": 0},
+        "steady operator": {"robot.operator.character": "steady", "robot.operator.wander_deg": 0},
+        "constant distance": {"robot.operator.distance_ratio": 1},
+    }
+)
+METHOD_CHANGES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        "four times the particles": {"particle_count": 1600},
+        "taught by the true boxes": {"taught": True},
+        "first box with the legs together": {"narrow": True},
+    }
+)
 
-def frames(scenario: str, seed: int, changes: Mapping[str, Any]) -> Iterator[tuple[Any, Any]]:
-    """Images and truth of an episode whose robot follows its script."""
+
+def frames(
+    scenario: str, seed: int, changes: Mapping[str, Any], contrast: float = 1.0
+) -> Iterator[tuple[NDArray[np.uint8], Any]]:
+    """Images and truth of an episode whose robot follows its script; `contrast` of all but the target's pixels."""
     env = gym.make("pftrack_sim/Track-v0", scenario=scenario, overrides=dict(changes))
     observation, info = env.reset(seed=seed)
     done = False
     while not done:
-        yield observation["image"], info["truth"]
+        image = observation["image"]
+        if contrast < 1.0:
+            image = faded(image, env.unwrapped.simulation.silhouettes.get("target"), contrast)  # type: ignore[attr-defined]
+        yield image, info["truth"]
         observation, _, terminated, truncated, info = env.step(np.asarray(info["truth"].box, dtype=np.float32))
         done = terminated or truncated
     env.close()
+
+
+def faded(image: NDArray[np.uint8], target: Silhouette | None, contrast: float) -> NDArray[np.uint8]:
+    """The image with all but the target's visible pixels drawn towards the image's mean colour."""
+    mean = image.mean((0, 1))
+    out = np.asarray(np.round(mean + contrast * (image - mean)), dtype=np.uint8)
+    if target is not None:
+        rows, columns = target.rect.slices
+        out[rows, columns][target.visible] = image[rows, columns][target.visible]
+    return out
 
 
 def walking_off(seed: int) -> plt.Figure:
@@ -177,15 +217,72 @@ def noise(seed: int, videos: Iterable[str], changes: Mapping[str, Any]) -> Itera
         yield f"| {video} | {' | '.join(cells)} |"
 
 
+Episode: TypeAlias = list[tuple[NDArray[np.uint8], Any]]
+
+
+def followed(episode: Episode, seed: int, *, taught: bool = False, narrow: bool = False, **params: Any) -> float:
+    """Share of frames in which `lee2012` overlaps the true box by a half.
+
+    `taught`: it learns from the true boxes. `narrow`: its first box is as wide as the target with its legs together,
+    and its answers are widened to the shape of the true first box.
+    """
+    truth = np.array([one.box for _, one in episode])
+    first = truth[0].copy()
+    if narrow:
+        first[2] = np.quantile(truth[:60, 2], 0.1)
+        first[0] += 0.5 * (truth[0, 2] - first[2])
+    tracker = Taught(METHODS["lee2012"], Lee2012Parameters.from_preset("lee2012", "default", params), seed)
+    tracker.init(episode[0][0], first)
+    answers = [first]
+    for image, one in episode[1:]:
+        tracker.teacher = np.array(one.box) if taught and one.visible_fraction > 0.3 else None
+        answers.append(np.asarray(tracker.update(image).box))
+    boxes = np.array(answers)
+    if narrow:
+        widths = boxes[:, 3] * truth[0, 2] / truth[0, 3]
+        boxes[:, 0] += 0.5 * (boxes[:, 2] - widths)
+        boxes[:, 2] = widths
+    overlap = frame_scores(boxes, truth).overlap
+    return success_rate(overlap[counted_frames([one.scored for _, one in episode])])
+
+
+def background(episodes: Mapping[str, Iterable[int]], changes: Mapping[str, Any]) -> Iterator[str]:
+    """Lines of a table: per cent of frames tracked in each episode, by what is changed."""
+    named = [(scenario, seed) for scenario, seeds in episodes.items() for seed in seeds]
+    rows: dict[str, list[float]] = {}
+    for scenario, seed in named:
+        for name, given in CHANGES.items():
+            episode = list(frames(scenario, seed, {**changes, **given}))
+            rows.setdefault(name, []).append(followed(episode, seed))
+            if not given:
+                for how, params in METHOD_CHANGES.items():
+                    rows.setdefault(how, []).append(followed(episode, seed, **params))
+        for contrast in (0.5, 0.0):
+            episode = list(frames(scenario, seed, changes, contrast))
+            rows.setdefault(f"contrast of the background x {contrast}", []).append(followed(episode, seed))
+    yield f"| changed | {' | '.join(f'{scenario}, {seed}' for scenario, seed in named)} | mean |"
+    yield f"| {' | '.join(['---'] * (len(named) + 2))} |"
+    for name, shares in rows.items():
+        yield f"| {name} | {' | '.join(f'{100 * share:.0f}' for share in [*shares, float(np.mean(shares))])} |"
+
+
 def main() -> None:
     """Draw one of the pictures, or print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("walking-off", "learning", "noise"))
+    parser.add_argument("what", choices=("walking-off", "learning", "noise", "background"))
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", help="file of the picture")
+    parser.add_argument("--episodes", nargs="+", metavar="SCENARIO:SEED,SEED", help="of `background`; default: six")
+    parser.add_argument("--seconds", type=float, default=11.0, help="length of an episode of `background`")
     given = parser.parse_args()
-    if given.what == "noise":
-        for line in noise(given.seed, [f"ko2012/video-{number}" for number in range(1, 6)], {}):
+    parts = [one.partition(":") for one in given.episodes or ()]
+    episodes = {scenario: [int(seed) for seed in seeds.split(",")] for scenario, _, seeds in parts} or LOST
+    tables = {
+        "noise": lambda: noise(given.seed, [f"ko2012/video-{number}" for number in range(1, 6)], {}),
+        "background": lambda: background(episodes, {"duration_s": given.seconds}),
+    }
+    if given.what in tables:
+        for line in tables[given.what]():
             print(line)
         return
     if given.out is None:

@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pftrack_sim.render.culling import PixelRect
+from pftrack_sim.truth.silhouettes import Silhouette
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
@@ -33,3 +36,25 @@ def test_the_table_has_motion_beside_noise_and_effective_sample_size(evidence: A
     assert 0.0 < motion[0] < motion[1] < 5.0
     assert paper[0] == 1.0 < default[0]
     assert 1.0 > paper[1] > default[1] > 0.0
+
+
+def test_a_faded_image_keeps_the_target_and_loses_the_contrast_of_all_else(evidence: Any):
+    image = np.random.default_rng(0).integers(0, 256, (20, 30, 3)).astype(np.uint8)
+    shows = np.zeros((6, 4), dtype=np.bool_)
+    shows[1:5, 1:3] = True
+    target = Silhouette(PixelRect(10, 5, 4, 6), shows, shows, np.zeros((6, 4), np.int32))
+    inside = np.zeros((20, 30), dtype=np.bool_)
+    inside[6:10, 11:13] = True
+    for contrast in (0.5, 0.0):
+        found = evidence.faded(image, target, contrast)
+        assert (found[inside] == image[inside]).all()
+        assert np.abs(found[~inside].std(0) - contrast * image[~inside].std(0)).max() < 0.5
+    assert evidence.faded(image, None, 0.0).std((0, 1)).max() == 0.0
+
+
+def test_the_table_has_a_line_for_each_change(evidence: Any):
+    few = {"duration_s": 0.2, "camera.width_px": 160, "camera.height_px": 120}
+    _, _, *rows = evidence.background({"lee2012/01": (0,)}, few)
+    names = [row.strip("| ").split(" | ")[0] for row in rows]
+    assert len(set(names)) == len(names) == len(evidence.CHANGES) + len(evidence.METHOD_CHANGES) + 2
+    assert all(0 <= int(cell) <= 100 for row in rows for cell in row.strip("| ").split(" | ")[1:])
