@@ -33,7 +33,7 @@ def test_commands_and_python_run_in_order(tmp_path: Path):
 
 def test_pictures_and_pages_are_there():
     found = re.findall(r"\]\((?!https:)(.*?)\)", README.read_text(encoding="utf-8"))
-    assert "docs/pictures/walk.webp" in found
+    assert "docs/pictures/story.webp" in found
     assert [name for name in found if not (README.parent / name).is_file()] == []
 
 

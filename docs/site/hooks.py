@@ -1,10 +1,11 @@
 """What the site takes from the package: help of the commands, spaces of the environments, scenarios and axes."""
 
 import re
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import gymnasium as gym
+import PIL.Image
 import typer
 from mkdocs.structure.files import File, Files
 
@@ -16,6 +17,7 @@ PICTURES = Path(__file__).parents[1] / "pictures"
 WIDTH = 88
 """Of the help of commands, in characters: as many as a page shows."""
 
+IMAGES = re.compile(r'<img [^>]*?src="([^"]+)"[^>]*>')
 SPACES = re.compile(r"^<!-- spaces of (\S+) -->$", re.MULTILINE)
 
 
@@ -31,6 +33,19 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
         mark = f"<!-- gallery of {kind} -->"
         markdown = markdown.replace(mark, written()) if mark in markdown else markdown
     return SPACES.sub(lambda found: spaces(found[1]), markdown)
+
+
+def on_page_content(html: str, page: Any, **_: Any) -> str:
+    """Say the size of every picture, so that nothing moves while it loads."""
+
+    def sized(found: re.Match[str]) -> str:
+        path = (PICTURES.parent / Path(page.file.src_uri).parent / PurePosixPath(found[1])).resolve()
+        if not path.is_relative_to(PICTURES) or path.suffix == ".svg":
+            return found[0]
+        with PIL.Image.open(path) as picture:
+            return f'<img width="{picture.width}" height="{picture.height}"{found[0][4:]}'
+
+    return IMAGES.sub(sized, html)
 
 
 def command_line() -> str:

@@ -6,19 +6,22 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import cv2
 import gymnasium as gym
 import numpy as np
+import PIL.Image
 from blocks import run_page
+from story import CAMERA_PX, HEIGHT_PX, Story
 
 from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
-from pftrack_sim.benchmark.running.rollout import rollout, simulated
-from pftrack_sim.benchmark.running.sinks import picture, video_writer
+from pftrack_sim.benchmark.running.rollout import Step, rollout, simulated
+from pftrack_sim.benchmark.running.sinks import video_writer
 from pftrack_sim.benchmark.running.tracker_runner import make_runners
-from pftrack_sim.core.records import Frame, Image
+from pftrack_sim.core.boxes import iou
+from pftrack_sim.core.records import Estimate, Frame, Image
 from pftrack_sim.render.overlay import draw_frame
 from pftrack_sim.simulation.simulation import Simulation
 
@@ -59,6 +62,7 @@ def main(parts: Sequence[str]) -> None:
         "scenarios": draw_scenarios,
         "axes": draw_axes,
         "moving": draw_moving,
+        "cards": draw_cards,
         "tutorials": draw_tutorials,
         "studio": draw_studio,
         "film": draw_film,
@@ -73,7 +77,7 @@ def main(parts: Sequence[str]) -> None:
 def draw_scenarios() -> None:
     """A frame of every scenario, with the true box of a target that can be seen well."""
     for name in scenario.names():
-        overrides = {"camera.width_px": 280, "camera.height_px": 210, "camera.rate_hz": 10}
+        overrides = {"camera.width_px": 480, "camera.height_px": 360, "camera.rate_hz": 10}
         with Simulation(scenario.load(name, overrides)) as simulation:
             frame = simulation.resume(7, [None] * 40)
             while frame.truth.visible_fraction < 0.9 and frame.time_s < 10.0:
@@ -112,57 +116,143 @@ def panel_at(frames: Sequence[Frame], time_s: float) -> Image:
     return cv2.copyMakeBorder(draw_frame(frame, {}), 0, 0, 1, 1, cv2.BORDER_CONSTANT, value=(255, 255, 255))
 
 
+SIZE = {"camera.width_px": CAMERA_PX, "camera.height_px": HEIGHT_PX}
+SHEETS = 96
+STORY = ("pftrack", "ko2012")
+Value: TypeAlias = Callable[[Frame, Estimate], float]
+
+
 def draw_moving() -> None:
-    """The walk of the front page, and an episode of each environment."""
-    write_moving("walk.webp", tracked_walk(), 7.5)
-    for short, env_id, scene, policy in ENVIRONMENTS:
-        write_moving(f"{short}.webp", environment_pictures(env_id, scene, policy), 5.0)
+    """The story of the front page, and an episode of each environment."""
+    write_moving("story.webp", tracking_story("ko2012/video-1", seed=2, until_s=9.0)[44:200:3], 8.3)
+    for short, *episode in ENVIRONMENTS:
+        write_moving(f"{short}.webp", environment_story(*episode), 5.0)
 
 
-def tracked_walk() -> list[Image]:
-    """Two trackers on the same frames, while a pedestrian crosses and the camera shakes."""
-    overrides = {"camera.width_px": 384, "camera.height_px": 288, "camera.rate_hz": 30, "axes.jitter.severity": 0.5}
-    pictures: list[Image] = []
-    runners = make_runners([TrackerSpec(name="ko2012"), TrackerSpec(name="opencv-mil")], seed=0)
-    with Simulation(scenario.load("plaza-walk", overrides)) as simulation:
-        rollout(
-            simulated(simulation, 7, until_s=7.0),
-            runners,
-            [lambda step: pictures.append(picture(step.sample, runners))],
-        )
-    return pictures[3 * 30 :: 4]
+def tracking_story(name: str, seed: int, until_s: float) -> list[Image]:
+    """Two trackers on the same frames: something covers the person, one loses them, one holds."""
+    sheets: list[Image] = []
+    runners = make_runners([TrackerSpec(name=name) for name in STORY], seed=0)
+    with Simulation(scenario.load(name, SIZE)) as simulation:
+        simulation.reset(seed)
+        story = Story(simulation.world.model, STORY, until_s, (0.0, 1.0), "overlap with the truth")
+
+        def add(step: Step) -> None:
+            frame, found = step.sample.frame, {runner.spec.label: runner.estimates[-1] for runner in runners}
+            assert frame is not None
+            boxes = {label: estimate for label, estimate in found.items() if estimate is not None}
+            sheets.append(story.sheet(frame, boxes, {label: overlap(frame, one) for label, one in boxes.items()}))
+
+        rollout(simulated(simulation, seed, until_s=until_s), runners, [add])
+    return sheets
 
 
-ENVIRONMENTS: tuple[tuple[str, str, str, Callable[[], Any]], ...] = (
-    ("track", "pftrack_sim/Track-v0", "corridor", lambda: policies.TrackingPolicy(trackers.make("ko2012", seed=0))),
+def overlap(frame: Frame, estimate: Estimate) -> float:
+    """Of an estimate with the truth."""
+    return iou(estimate.box, frame.truth.box)
+
+
+def distance_m(frame: Frame, _: Estimate) -> float:
+    """Of the person from the camera."""
+    return frame.truth.distance_m
+
+
+ENVIRONMENTS: tuple[tuple[str, str, str, str, Callable[[], Any], Value, str, tuple[float, float]], ...] = (
+    (
+        "track",
+        "pftrack_sim/Track-v0",
+        "corridor",
+        "ko2012",
+        lambda: policies.TrackingPolicy(trackers.make("ko2012", seed=0)),
+        overlap,
+        "overlap with the truth",
+        (0.0, 1.0),
+    ),
     (
         "follow",
         "pftrack_sim/Follow-v0",
         "follow/warehouse",
+        "oracle",
         lambda: policies.FollowPolicy(trackers.make("oracle"), controllers.make("servo")),
+        distance_m,
+        "distance [m]",
+        (0.0, 6.0),
     ),
     (
         "track-and-follow",
         "pftrack_sim/TrackAndFollow-v0",
         "follow/street",
-        lambda: policies.TrackAndFollowPolicy(trackers.make("ko2012", seed=0), controllers.make("servo")),
+        "pftrack",
+        lambda: policies.TrackAndFollowPolicy(trackers.make("pftrack", seed=0), controllers.make("servo")),
+        overlap,
+        "overlap with the truth",
+        (0.0, 1.0),
     ),
 )
 
 
-def environment_pictures(env_id: str, scene: str, make_policy: Callable[[], Any]) -> list[Image]:
-    """What `render` returns over some seconds, five pictures a second."""
-    overrides = {"camera.width_px": 256, "camera.height_px": 192, "camera.rate_hz": 20}
-    with gym.make(env_id, scenario=scene, overrides=overrides, render_mode="rgb_array") as env:
-        policy, pictures = make_policy(), list[Image]()
+def environment_story(
+    env_id: str,
+    scene: str,
+    label: str,
+    make_policy: Callable[[], Any],
+    value: Value,
+    title: str,
+    limits: tuple[float, float],
+) -> list[Image]:
+    """Some seconds of an environment, five sheets a second."""
+    sheets: list[Image] = []
+    with gym.make(env_id, scenario=scene, overrides={**SIZE, "camera.rate_hz": 20}) as env:
+        policy = make_policy()
         observation, info = env.reset(seed=5)
-        for _ in range(96):
+        simulation = env.unwrapped.simulation  # type: ignore[attr-defined]
+        story = Story(simulation.world.model, [label], SHEETS / 20, limits, title)
+        for _ in range(SHEETS):
             action = policy(observation) if env_id.endswith("Track-v0") else policy(observation, info)
+            sheets.append(
+                story.sheet(
+                    simulation.frame, {label: policy.estimate}, {label: value(simulation.frame, policy.estimate)}
+                )
+            )
             observation, _, terminated, truncated, info = env.step(action)
-            pictures.append(env.render())  # type: ignore[arg-type]
             if terminated or truncated:
                 break
-    return pictures[::4]
+    return sheets[::4]
+
+
+CARD_SCENARIOS = ("hall", "street-night", "park", "warehouse", "real-market", "corridor")
+# Of each tile: scenario, seed, second and axis at severity 2.
+CARD_AXES = (
+    ("warehouse", 8, 3.0, "noise"),
+    ("corridor", 9, 4.5, "occlusion"),
+    ("station", 7, 3.0, "blur"),
+    ("hall", 7, 3.0, "light"),
+)
+
+
+def draw_cards() -> None:
+    """The three cards of the front page: many scenarios, axes, and the robot that follows."""
+    stills = [cv2.imread(str(PICTURES / "scenarios" / f"{name}.webp"))[..., ::-1] for name in CARD_SCENARIOS]
+    write_still("cards/benchmark.webp", tiled(stills, columns=3))
+    shaken = {"axes.jitter.severity": 2.0}
+    frames = [axis_frames(axis, 2.0, name, seed, at_s, at_s, shaken)[-1] for name, seed, at_s, axis in CARD_AXES]
+    write_still("cards/stress.webp", tiled([frame.image for frame in frames], columns=2))
+    with PIL.Image.open(PICTURES / "follow.webp") as moving:
+        moving.seek(moving.n_frames // 2)
+        write_still("cards/follow.webp", tiled([np.asarray(moving.convert("RGB"))], columns=1))
+
+
+def tiled(images: Sequence[Image], columns: int) -> Image:
+    """Images of any size beside and below each other, 480 x 270 in all; what does not fit is cut off at the top."""
+    rows = len(images) // columns
+    width, height = 480 // columns, 270 // rows
+    tiles: list[Image] = []
+    for image in images:
+        scale = max(width / image.shape[1], height / image.shape[0])
+        scaled = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        left = (scaled.shape[1] - width) // 2
+        tiles.append(scaled[-height:, left : left + width])
+    return np.vstack([np.hstack(tiles[row * columns : (row + 1) * columns]) for row in range(rows)])
 
 
 def draw_tutorials() -> None:

@@ -64,7 +64,7 @@ function perSeed(rows, column) {
   return [...bySeed.values()].map(mean);
 }
 
-function number(value, digits = 3) {
+function number(value, digits = 2) {
   return value === null || value === undefined || !Number.isFinite(value) ? "\u2013" : value.toFixed(digits);
 }
 
@@ -78,10 +78,10 @@ function layout(x, y, more = {}) {
     font: { color: ink, size: 12 }, hovermode: "closest", legend: { orientation: "h", x: 0, y: -0.2, yanchor: "top" },
     xaxis: { ...axis, title: { text: escaped(x), standoff: 8 }, ...(more.xaxis || {}) },
     yaxis: { ...axis, title: { text: escaped(y) }, ...(more.yaxis || {}) },
-    shapes: more.shapes || [],
+    shapes: more.shapes || [], modebar: { bgcolor: "rgba(0,0,0,0)", color: line, activecolor: ink },
   };
 }
-const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
+const CONFIG = { displaylogo: false, displayModeBar: "hover", responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
 
 function rowOf(names, cells) {
   const line = element("tr");
@@ -322,7 +322,7 @@ function drawSpeed() {
   layout("ms per frame", "", { xaxis: { rangemode: "tozero" }, yaxis: { automargin: true } }), CONFIG);
 }
 
-function drawAll() { drawBoards(); drawCurves(); drawAxes(); drawLosses(); drawEpisode(); drawSpeed(); }
+function drawAll() { drawAnswers(); drawBoards(); drawCurves(); drawAxes(); drawLosses(); drawEpisode(); drawSpeed(); }
 
 function fill(select, names, all) {
   if (all) select.append(element("option", all, { value: -1 }));
@@ -334,7 +334,7 @@ function start() {
   const parts = DATA.unit === "seed" ? [["tracker", DATA.trackers.length], ["scenario", DATA.scenarios.length],
     ["condition", DATA.conditions.length], ["seed", seeds.size], ["episode", DATA.episodes.length]]
     : [["tracker", DATA.trackers.length], ["sequence", DATA.scenarios.length], ["result", DATA.rows.length]];
-  byId("extent").textContent = parts.map(([name, count]) => `${count} ${name}${count === 1 ? "" : "s"}`).join(", ");
+  byId("extent").textContent = `${document.title.split(" - ")[0]}: ${parts.map(([name, count]) => `${count} ${name}${count === 1 ? "" : "s"}`).join(", ")}`;
   DATA.trackers.forEach((name, index) => {
     const label = element("label"), box = element("input", null, { type: "checkbox", checked: "" });
     box.addEventListener("change", () => {

@@ -23,7 +23,7 @@ function drawEpisode() {
   video.hidden = !episode.video;
   byId("film-note").textContent = episode.video || DATA.unit !== "seed" ? "" : DATA.drives.length ? "Every tracker drove an episode of its own: see Following."
     : "No video of this episode: the same command with --videos all films every episode into this folder.";
-  if (episode.video) { video.src = linked(episode.video); } else { video.removeAttribute("src"); }
+  if (episode.video) { video.src = `${linked(episode.video)}#t=0.01`; } else { video.removeAttribute("src"); }
 }
 
 // Frames per second of the video shown: as recorded, or from its length and the number of frames.
@@ -106,10 +106,40 @@ function showWorst(rows) {
 
 function percent(share) { return Number.isFinite(share) ? `${Math.round(100 * share)} %` : "\u2013"; }
 
+// Of each tracker one sentence: how well, how often to the end, and how its losses begin.
+function drawAnswers() {
+  const losses = DATA.losses.filter(chosen), moments = DATA.moments.filter(chosen);
+  const frames = moments.reduce((sum, row) => sum + row[2], 0), success = measureAt("follow_success");
+  const usual = (tag) => moments.reduce((sum, row) => sum + row[4 + tag], 0) / frames;
+  const answers = [...state.trackers].map((tracker) => {
+    const rows = DATA.rows.filter((row) => row[0] === tracker && chosen(row)), own = losses.filter((loss) => loss[0] === tracker);
+    const seen = moments.filter((row) => row[0] === tracker), overlaps = perSeed(rows, OVERLAP), told = [];
+    const shareOf = (tag) => own.filter((loss) => has(loss, tag)).length / own.length;
+    const lost = new Set(own.map((loss) => loss[1])), untracked = seen.filter((row) => !row[3]).length, errors = errorsOf(rows);
+    const drives = success < FIRST ? [] : finite(rows.map((row) => row[success]));
+    if (drives.length) told.push(`follows to the end in ${drives.filter((one) => one > 0).length} of ${drives.length} drives`);
+    if (seen.length) told.push(`holds the target in ${seen.length - lost.size - untracked} of ${seen.length} episodes`);
+    const tag = [...DATA.tags.keys()].sort((one, other) => (shareOf(other) - usual(other)) - (shareOf(one) - usual(one)))[0];
+    if (own.length && shareOf(tag) > usual(tag)) told.push(`${percent(shareOf(tag))} of its ${own.length} losses begin with: ${DATA.tags[tag][0]} (${percent(usual(tag))} of all ${frames} frames)`);
+    else if (own.length) told.push(`${own.length} losses`);
+    if (untracked) told.push(`never tracks the target in ${untracked} of ${seen.length} episodes`);
+    if (errors) told.push(`ends with an error in ${errors} of ${seen.length || rows.length} episodes`);
+    return { tracker, overlap: overlaps.length ? mean(overlaps) : null, told };
+  }).filter((answer) => DATA.rows.some((row) => row[0] === answer.tracker && chosen(row)));
+  answers.sort((a, b) => b.overlap - a.overlap);
+  byId("answers").replaceChildren(...answers.map(({ tracker, overlap, told }) => {
+    const line = element("li");
+    line.append(swatch(tracker), element("b", DATA.trackers[tracker]), element("strong", number(overlap, 2)), element("span", told.join("; ")));
+    return line;
+  }));
+}
+
+const has = (loss, tag) => Boolean(loss[5] & (1 << tag));
+
 function drawLosses() {
   const losses = DATA.losses.filter(chosen), moments = DATA.moments.filter(chosen);
   const trackers = [...state.trackers].filter((tracker) => losses.some((loss) => loss[0] === tracker));
-  const has = (loss, tag) => Boolean(loss[5] & (1 << tag)), shareOf = (found, tag) => found.filter((loss) => has(loss, tag)).length / found.length;
+  const shareOf = (found, tag) => found.filter((loss) => has(loss, tag)).length / found.length;
   const frames = moments.reduce((sum, row) => sum + row[2], 0);
   byId("losses-body").hidden = !losses.length;
   byId("losses-none").hidden = losses.length > 0;
@@ -118,17 +148,6 @@ function drawLosses() {
     order.map((tag) => [element("th", DATA.tags[tag][0], { scope: "row", title: DATA.tags[tag][1] }),
       ...trackers.map((tracker) => percent(shareOf(losses.filter((loss) => loss[0] === tracker), tag))),
       percent(moments.reduce((sum, row) => sum + row[4 + tag], 0) / frames)]));
-  const usual = (tag) => moments.reduce((sum, row) => sum + row[4 + tag], 0) / frames;
-  byId("told").replaceChildren(...[...state.trackers].flatMap((tracker) => {
-    const own = losses.filter((loss) => loss[0] === tracker), seen = moments.filter((row) => row[0] === tracker), told = [];
-    const untracked = seen.filter((row) => !row[3]).length, errors = errorsOf(DATA.rows.filter((row) => row[0] === tracker && chosen(row)));
-    const tag = [...order].sort((a, b) => (shareOf(own, b) - usual(b)) - (shareOf(own, a) - usual(a)))[0];
-    if (own.length && shareOf(own, tag) > usual(tag)) told.push(`${percent(shareOf(own, tag))} of its ${own.length} losses begin with: ${DATA.tags[tag][0]} (${percent(usual(tag))} of all ${frames} frames)`);
-    else if (own.length) told.push(`${own.length} losses`);
-    if (untracked) told.push(`never tracks the target in ${untracked} of ${seen.length} episodes`);
-    if (errors) told.push(`ends with an error in ${errors} of ${seen.length} episodes`);
-    return told.length ? [element("li", `${DATA.trackers[tracker]}: ${told.join("; ")}`)] : [];
-  }));
   const wanted = losses.filter((loss) => state.tag < 0 || has(loss, state.tag));
   const lasting = (loss) => (loss[4] === null ? 1e6 : loss[4]) - loss[2];
   wanted.sort((a, b) => lasting(b) - lasting(a));
