@@ -3,12 +3,14 @@
     python examples/paper_evidence.py walking-off --out kwon2005-walking-off.png
     python examples/paper_evidence.py learning --out lee2012-learning.png
     python examples/paper_evidence.py noise
+    python examples/paper_evidence.py causes --episodes ko2012/video-4:0,1,2
     python examples/paper_evidence.py background --episodes lee2012/07:0,1,2 --seconds 8
 
 `walking-off`: the robot stands, the person walks away, and the height of the box of `kwon2005` is compared with the
 true height, with three settings of its template. `learning`: the likelihood of `lee2012`
 around the true box, after learning from its own estimates and after learning from the true boxes. `noise`: a table of
 the target's motion in the videos after Ko et al. 2012 beside the noise of `ko2012`, and its effective sample size.
+`causes`: overlaps of `ko2012` in those videos without what covers the target, and without what stands behind it.
 `background`: the episodes after Lee et al. 2012 that `lee2012` loses by day, each changed in one thing at a time.
 """
 
@@ -47,6 +49,7 @@ WALKING_OFF: Mapping[str, Any] = MappingProxyType(
         "target.speed_m_s": 0.85,
     }
 )
+UNCOVERED: Mapping[str, Any] = MappingProxyType({"occluders": [], "distractors.count": 0})
 COARSE = MappingProxyType(
     {"point_count": 25, "sigma_scale": 0.0056, "sigma_wandering": 0.402, "sigma_centre": 0.0978, "hold_below": 0.0}
 )
@@ -217,6 +220,38 @@ def noise(seed: int, videos: Iterable[str], changes: Mapping[str, Any]) -> Itera
         yield f"| {video} | {' | '.join(cells)} |"
 
 
+def causes(episodes: Mapping[str, Iterable[int]]) -> Iterator[str]:
+    """Lines of a table: mean overlaps of `ko2012` and of the first box carried along at the true centre."""
+    pairs = ("as it is", "no covers", "no contrast behind", "neither")
+    heads = [f"{pair}: `{preset}`" for pair in pairs for preset in ("paper", "default")]
+    yield f"| | {' | '.join([*heads[:2], 'fixed size', *heads[2:]])} |"
+    yield f"|{' --- |' * 10}"
+    for scenario, seeds in episodes.items():
+        rows = [ko2012_overlaps(scenario, seed) for seed in seeds]
+        yield f"| {scenario} | {' | '.join(f'{value:.2f}' for value in np.mean(rows, axis=0))} |"
+
+
+def ko2012_overlaps(scenario: str, seed: int) -> list[float]:
+    """A row of `causes` for one episode."""
+    row: list[float] = []
+    for contrast in (1.0, 0.0):
+        for given in ({}, UNCOVERED):
+            episode = list(frames(scenario, seed, given, contrast))
+            truth = np.array([one.box for _, one in episode])
+            counted = counted_frames([one.scored for _, one in episode])
+            for preset in ("paper", "default"):
+                tracker = trackers.make("ko2012", seed=seed, preset=preset)
+                tracker.init(episode[0][0], truth[0])
+                boxes = np.array([truth[0], *(tracker.update(image).box for image, _ in episode[1:])])
+                row.append(float(np.mean(frame_scores(boxes, truth).overlap[counted])))
+            if not given and contrast == 1.0:
+                fixed = np.hstack(
+                    [truth[:, :2] + 0.5 * (truth[:, 2:] - truth[0, 2:]), np.tile(truth[0, 2:], (len(truth), 1))]
+                )
+                row.append(float(np.mean(frame_scores(fixed, truth).overlap[counted])))
+    return row
+
+
 Episode: TypeAlias = list[tuple[NDArray[np.uint8], Any]]
 
 
@@ -269,17 +304,19 @@ def background(episodes: Mapping[str, Iterable[int]], changes: Mapping[str, Any]
 def main() -> None:
     """Draw one of the pictures, or print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("walking-off", "learning", "noise", "background"))
+    parser.add_argument("what", choices=("walking-off", "learning", "noise", "causes", "background"))
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", help="file of the picture")
-    parser.add_argument("--episodes", nargs="+", metavar="SCENARIO:SEED,SEED", help="of `background`; default: six")
+    parser.add_argument("--episodes", nargs="+", metavar="SCENARIO:SEED,SEED", help="of `causes` and `background`")
     parser.add_argument("--seconds", type=float, default=11.0, help="length of an episode of `background`")
     given = parser.parse_args()
     parts = [one.partition(":") for one in given.episodes or ()]
-    episodes = {scenario: [int(seed) for seed in seeds.split(",")] for scenario, _, seeds in parts} or LOST
+    episodes = {scenario: [int(seed) for seed in seeds.split(",")] for scenario, _, seeds in parts}
+    videos = [f"ko2012/video-{number}" for number in range(1, 6)]
     tables = {
-        "noise": lambda: noise(given.seed, [f"ko2012/video-{number}" for number in range(1, 6)], {}),
-        "background": lambda: background(episodes, {"duration_s": given.seconds}),
+        "noise": lambda: noise(given.seed, videos, {}),
+        "causes": lambda: causes(episodes or {video: [0, 1, 2] for video in videos}),
+        "background": lambda: background(episodes or LOST, {"duration_s": given.seconds}),
     }
     if given.what in tables:
         for line in tables[given.what]():

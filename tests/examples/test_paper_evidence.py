@@ -58,3 +58,13 @@ def test_the_table_has_a_line_for_each_change(evidence: Any):
     names = [row.strip("| ").split(" | ")[0] for row in rows]
     assert len(set(names)) == len(names) == len(evidence.CHANGES) + len(evidence.METHOD_CHANGES) + 2
     assert all(0 <= int(cell) <= 100 for row in rows for cell in row.strip("| ").split(" | ")[1:])
+
+
+def test_causes_has_two_presets_by_four_changes_and_a_box_of_fixed_size(evidence: Any, monkeypatch: pytest.MonkeyPatch):
+    real = evidence.frames
+    short = {"duration_s": 0.3, "camera.width_px": 160, "camera.height_px": 120}
+    monkeypatch.setattr(evidence, "frames", lambda name, seed, given, *how: real(name, seed, {**given, **short}, *how))
+    head, _, row = evidence.causes({"ko2012/video-2": (0,)})
+    values = [float(cell) for cell in row.strip("| ").split(" | ")[1:]]
+    assert len(values) == len(head.strip("| ").split(" | ")) == 9
+    assert all(0.0 < value <= 1.0 for value in values)
