@@ -84,7 +84,7 @@ def list_names(
         for name, (unit, about) in RUN_AXES.items():
             yield name, f"{about} [{unit}]"
         for name, axis in axes_by_name().items():
-            typical = f"{axis(severity=1.0).physical:g} {axis.unit}"
+            typical = f"{axis(severity=1.0).physical:.3g} {axis.unit}"
             about = " ".join((axis.__doc__ or "").split())
             yield (
                 name,

@@ -100,9 +100,7 @@ def _print_episodes(results: Sequence[Result]) -> None:
     if len(results) > _MOST_EPISODES * len(trackers):
         return
     # Each tracker that drives has frames of its own.
-    shared = [
-        name for name in ("frames", "stay", "fixed_size") if results[0].following is None and name not in trackers
-    ]
+    shared = [name for name in ("frames", "stay") if results[0].following is None and name not in trackers]
     rows: list[list[str]] = []
     for (scenario, condition, seed), own in by_episode(results).items():
         scored = {one.label: one for one in own}
@@ -155,8 +153,9 @@ def print_comparison(found: RunComparison) -> None:
     title = f"{found.measure} of {second} minus that of {first}"
     heads = ("seeds", "first", "second", "difference", "p", "verdict")
     print_table(Table(title, ("scenario", "condition"), heads, rows))
-    print_lines([f"Below each difference: {INTERVALS}.", f"{VERDICTS}."])
-    print_lines([f"{found.measure}: {MEASURE_DEFINITIONS[found.measure]}", f"{found.statement}.", *remarks(found)])
+    said = [f"Below each difference: {INTERVALS}.", f"{VERDICTS}."]
+    said += [f"{found.measure}: {MEASURE_DEFINITIONS[found.measure]}", f"{found.statement}.", *remarks(found)]
+    print_lines(said, wrap=True)
     worse = [
         [
             *(pair.first.scenario, pair.first.condition.name, str(pair.first.seed)),
@@ -229,7 +228,7 @@ def print_groups(frames: str, groups: Mapping[tuple[str, str], Sequence[Summary]
 
     print_table(summaries(frames, groups, unit, wide=console.width >= _WIDE))
     if max(map(len, groups.values()), default=0) > 1:
-        print_lines([f"Below each overlap, a mean over {unit}s: {INTERVALS}."])
+        print_lines([f"Below each overlap, a mean over {unit}s: {INTERVALS}."], wrap=True)
 
 
 def print_table(table: Table) -> None:
@@ -245,7 +244,7 @@ def print_table(table: Table) -> None:
             part.width = least
         console.print(part, soft_wrap=True)
         first = last
-    print_lines(f"{name}: {words}" for name, words in table.notes.items())
+    print_lines((f"{name}: {words}" for name, words in table.definitions.items()), wrap=True)
 
 
 def _shown(table: Table, first: int, last: int) -> RichTable:
@@ -298,7 +297,7 @@ def print_next(run: RunStore) -> None:
         steps.append(f"pftrack-sim compare {path} --trackers {shlex.quote(f'{labels[-1]},{labels[0]}')}")
     if len({one.seed for one in run.results}) < LEAST_FOR_VERDICT:
         steps.append(f"the same command with {LEAST_FOR_VERDICT} or more --seeds, as verdicts need, adds them")
-    print_lines([f"next: {'; '.join(steps)}"])
+    print_lines(["next: " + "\n      ".join(steps)])
 
 
 def print_tracebacks(run: RunStore) -> None:
@@ -314,10 +313,10 @@ def print_tracebacks(run: RunStore) -> None:
             print_lines(["", text, f"picture of this frame, on {where(one)}: {picture}"])
 
 
-def print_lines(lines: Iterable[str]) -> None:
-    """Print lines without wrapping."""
+def print_lines(lines: Iterable[str], *, wrap: bool = False) -> None:
+    """Print lines: prose wraps between words, commands and paths stay whole to be copied."""
     for line in lines:
-        console.print(line, soft_wrap=True)
+        console.print(line, soft_wrap=not wrap)
 
 
 def print_warnings(lines: Sequence[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -69,6 +70,12 @@ class Table:
         """Heads of all columns."""
         return [*self.names, *self.numbers]
 
+    @property
+    def definitions(self) -> dict[str, str]:
+        """The notes on words that stand in the table."""
+        words = " ".join(" ".join((self.title, *self.heads, *itertools.chain(*self.rows))).split())
+        return {name: note for name, note in self.notes.items() if name in words}
+
 
 def number_text(value: float, digits: int = 3) -> str:
     """A number with so many decimals, or `-` for NaN."""
@@ -120,9 +127,10 @@ def summaries(
     counts = {len(found) for found in groups.values()}
     count = f" {min(counts)}" if len(counts) == 1 else ""
     where = f" in {next(iter(places))}" if len(places) == 1 and any(places) else ""
-    beside = {"stay": "stay", "skill": "skill", "tracked\n>= 0.5": "success", "\n>= 0.3": "success_30"}
-    beside |= {"centre\ninside": "centre_inside"}
-    beside |= {"fixed\nsize": "fixed_size", "precision\n@ 20 px": "precision"} if wide else {}
+    beside = {"stay": "stay", "skill": "skill", "tracked\n>= 0.5": "success"}
+    if wide:
+        beside |= {"\n>= 0.3": "success_30", "centre\ninside": "centre_inside"}
+        beside |= {"fixed\nsize": "fixed_size", "precision\n@ 20 px": "precision"}
     rows: list[list[str]] = []
     for (place, label), found in groups.items():
         mean = score.mean_summary(list(found))

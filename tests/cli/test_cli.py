@@ -217,9 +217,10 @@ def test_tables_name_a_tracker_with_its_parameters(tmp_path: Path):
     assert done.returncode == 0, done.stderr
     assert re.search(r"^ scenario .* ncc\[preset=paper\] *$", done.stdout, re.MULTILINE), "the head of a table"
     assert re.search(r"^ ncc\[preset=paper\] +0\.\d", done.stdout, re.MULTILINE), "a row of the other"
-    asked = done.stdout.splitlines()[-1]
-    assert asked.startswith(f"next: open {tmp_path / 'a'}/report.html; pftrack-sim compare ")
-    assert "ncc[preset=paper]" in asked
+    opened, compared, _ = done.stdout.splitlines()[-3:]
+    assert opened == f"next: open {tmp_path / 'a'}/report.html"
+    assert compared.startswith("      pftrack-sim compare ")
+    assert "ncc[preset=paper]" in compared
 
 
 def test_a_search_reports_the_best_on_other_seeds(tmp_path: Path):
@@ -260,14 +261,16 @@ def test_tables_fit_into_the_terminal(width: int, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(tables, "console", Console(width=width, markup=False, highlight=False))
     names = [f"tracker-{k}" for k in range(8)]
     rows = [["corridor", str(seed), *(f"0.{k}{seed}" for k in range(8))] for seed in range(2)]
-    tables.print_table(Table("Overlap", ["scenario"], ["seed", *names], rows, {"note": "words"}, keys=1))
+    notes = {"Over": "words " * 30, "jerk": "no"}
+    tables.print_table(Table("Overlap", ["scenario"], ["seed", *names], rows, notes, keys=1))
     lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert max(map(len, lines)) <= width
     heads = [line.split() for line in lines if "scenario" in line]
     assert all(head[:2] == ["scenario", "seed"] for head in heads)
     assert [name for head in heads for name in head[2:]] == names
     assert (len(heads) == 1) == (width == 200)
-    assert "note: words" in lines
+    assert "Over: words words" in "\n".join(lines), "the note on a word that is there"
+    assert not any("jerk" in line for line in lines), "the note on a column that is not"
 
 
 def test_a_tracker_that_needs_what_is_not_there_says_so(tmp_path: Path):
