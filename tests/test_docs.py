@@ -116,3 +116,9 @@ def test_the_site_builds_with_every_page_and_link(tmp_path: Path):
     track = (tmp_path / "site" / "environments" / "track" / "index.html").read_text(encoding="utf-8")
     assert "BoundingBox(640, 480)" in track
     assert "rgb_array_list" in track
+    for page in ("results", "gallery", "index"):
+        text = (tmp_path / "site" / page.removeprefix("index") / "index.html").read_text(encoding="utf-8")
+        sizes = ["width=" in image for image in re.findall(r"<img[^>]+pictures/[^>]+(?:webp|png|jpg)[^>]*>", text)]
+        assert sizes, page
+        assert all(sizes), f"{page}: nothing moves while pictures load"
+    assert (tmp_path / "site" / "results" / "index.html").read_text(encoding="utf-8").count("<details>") == 8

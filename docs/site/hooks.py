@@ -1,7 +1,8 @@
 """What the site takes from the package: help of the commands, spaces of the environments, scenarios and axes."""
 
+import posixpath
 import re
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -18,6 +19,7 @@ WIDTH = 88
 """Of the help of commands, in characters: as many as a page shows."""
 
 IMAGES = re.compile(r'<img [^>]*?src="([^"]+)"[^>]*>')
+TABLES = re.compile(r"^<!-- (?P<kind>tables|list) of .*? -->\n(?P<body>.*?)<!-- end -->", re.MULTILINE | re.DOTALL)
 SPACES = re.compile(r"^<!-- spaces of (\S+) -->$", re.MULTILINE)
 
 
@@ -28,18 +30,26 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Write spaces, axes and scenarios where a page asks for them."""
+    """Write spaces, axes and scenarios where a page asks for them, and fold the tables of runs."""
     for kind, written in (("axes", axes), ("scenarios", scenarios)):
         mark = f"<!-- gallery of {kind} -->"
         markdown = markdown.replace(mark, written()) if mark in markdown else markdown
-    return SPACES.sub(lambda found: spaces(found[1]), markdown)
+    return TABLES.sub(folded, SPACES.sub(lambda found: spaces(found[1]), markdown))
+
+
+def folded(found: re.Match[str]) -> str:
+    """The tables of a run behind a line that says what they show."""
+    heads = re.findall(r"^\| (.*?) \|.*\n\| ---", found["body"], re.MULTILINE)
+    told = "; ".join(heads) if found["kind"] == "tables" else "What the columns mean"
+    return f'<details markdown="1"><summary>{told}</summary>\n\n{found["body"]}\n</details>'
 
 
 def on_page_content(html: str, page: Any, **_: Any) -> str:
     """Say the size of every picture, so that nothing moves while it loads."""
 
     def sized(found: re.Match[str]) -> str:
-        path = (PICTURES.parent / Path(page.file.src_uri).parent / PurePosixPath(found[1])).resolve()
+        # Links are those of the site by now, where a page may be a folder of its own.
+        path = PICTURES.parent / posixpath.normpath(posixpath.join(page.url, found[1]))
         if not path.is_relative_to(PICTURES) or path.suffix == ".svg":
             return found[0]
         with PIL.Image.open(path) as picture:
