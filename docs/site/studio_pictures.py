@@ -106,6 +106,7 @@ def shots() -> Iterator[tuple[str, Image]]:
         page.wait_for_timeout(2000)
         yield "running", held(page)
         studio.player.playing = False
+        page.get_by_role("tab", name="Stress axes").click()
         handle = slider(page, "jitter [deg RMS]")
         handle.focus()
         for _ in range(40):
@@ -137,6 +138,7 @@ def film() -> Iterator[Image]:
     trackers = TrackerSpec(name="ko2012"), TrackerSpec(name="pftrack")
     with opened(Settings("corridor", 3, CAMERA, trackers), script=DRAWN_ON_REQUEST, size=FILM_SIZE) as (studio, page):
         page.locator(".mantine-Notification-closeButton").first.click()
+        page.get_by_role("tab", name="Stress axes").click()
         x, y = middle_of_view(page)
 
         def play(count: int) -> Iterator[Image]:
@@ -179,6 +181,7 @@ def film() -> Iterator[Image]:
         yield from pull("light", "End", 1)
         yield from play(6)
         people = [one for one in studio.player.moment.frame.people if one.scored and one.name != "target"]
+        page.get_by_role("tab", name="Episode").click()
         page.get_by_label("Tracked").click()
         yield held(page)
         page.get_by_role("option", name=people[0].name if people else "distractor-1").click()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -25,6 +25,7 @@ from pftrack_sim.studio.session import Session
 from pftrack_sim.studio.settings import HAND, Settings, drivers
 from pftrack_sim.studio.tracked import Moment, TrackedSession
 
+THEME = {"show_logo": False, "show_share_button": False}
 _SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "as fast as possible": 1e6}
 _STEP = 0.25
 _KEYS = {"W": (0, 1), "S": (0, -1), "A": (1, 1), "D": (1, -1), "Q": (2, 1), "E": (2, -1), "R": (3, 1), "F": (3, -1)}
@@ -38,13 +39,19 @@ class Controls:
 
     Args:
         gui: The viser server's GUI.
+        panel: Panel of it for the settings, beside the main one.
         player: The player.
         offered: Trackers that can be switched on.
         look_through: Lets a client look through the robot's camera.
     """
 
     def __init__(
-        self, gui: Any, player: Player, offered: Sequence[TrackerSpec], look_through: Callable[[Any], None]
+        self,
+        gui: Any,
+        panel: Any,
+        player: Player,
+        offered: Sequence[TrackerSpec],
+        look_through: Callable[[Any], None],
     ) -> None:
         self._gui, self._player, self._look_through = gui, player, look_through
         self._offered = {one.label: one for one in (*player.session.settings.trackers, *offered)}
@@ -54,9 +61,10 @@ class Controls:
         self._wanted: dict[str, float] = {}
         """Values of sliders that the session has not taken yet."""
         self._lock = threading.Lock()
+        self._first_s = 0.0
         self._synchronised: Settings | None = player.session.settings
         """Settings that the controls show."""
-        self._add_controls()
+        self._add_controls(panel)
 
     @property
     def shown(self) -> Moment:
@@ -78,10 +86,7 @@ class Controls:
             self._person.value = session.person
         if player.playing:
             self.past = None
-        first_s, last_s = (round(one.frame.time_s, 3) for one in (history[0], history[-1]))
-        # Also after the last frame, which ends the playing.
-        if self.past is None and last_s > first_s and self._scrub.max != last_s:
-            self._scrub.min, self._scrub.max, self._scrub.value = first_s, last_s, last_s
+        self._first_s = history[0].frame.time_s
         if settings is not self._synchronised and not self._wanted:
             # Not after a slider was moved: it may have moved on since.
             self._synchronised = settings
@@ -92,6 +97,12 @@ class Controls:
             on = [one.label for one in settings.trackers]
             for label, box in self._boxes.items():
                 box.value = label in on
+
+    def show_time(self, moment: Moment) -> None:
+        """Let the slider of the time end at the moment whose picture is shown, unless that is one of the past."""
+        first_s, last_s = round(self._first_s, 3), round(moment.frame.time_s, 3)
+        if self.past is None and last_s > first_s and self._scrub.max != last_s:
+            self._scrub.min, self._scrub.max, self._scrub.value = first_s, last_s, last_s
 
     def track(self, person: str) -> None:
         """Track this person from now on."""
@@ -137,42 +148,53 @@ class Controls:
 
         self._player.request(drive)
 
-    def _add_controls(self) -> None:
-        gui, settings = self._gui, self._player.session.settings
-        self._status = gui.add_markdown("")
+    def _add_controls(self, panel: Any) -> None:
+        gui, settings, simulated = self._gui, self._player.session.settings, self._player.session.simulated
         self._play = gui.add_button("Play")
         _when(self._play.on_click, self._toggle)
-        _when(gui.add_button("Step").on_click, self._step)
         self._scrub = gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0, hint="Look back while paused.")
         _when(self._scrub.on_update, self._look_back)
-        here = gui.add_button("Restart from here", hint="From the time above on, with these settings.")
-        _when(here.on_click, lambda: self._restart(self.shown))
-        _when(gui.add_button("Restart from the beginning").on_click, lambda: self._restart(None))
-        draw = gui.add_button("Draw a box", hint="Pause, look through the camera, and start all trackers with a box.")
-        draw.on_click(self._draw)
-        speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1")
-        _when(speed.on_update, lambda: setattr(self._player, "speed", _SPEEDS[speed.value]))
-        simulated = self._player.session.simulated
+        here = "Restart from here: from the time above on, with these settings, trackers anew."
+        draw = "Draw a box: pause, look through the camera, and start all trackers with a box."
+        self._add_group(
+            "Episode",
+            {
+                "Step": lambda _: self._step(),
+                "Restart from here": lambda _: self._restart(self.shown),
+                "Restart from the beginning": lambda _: self._restart(None),
+                "Draw a box": self._draw,
+            },
+            f"{here} {draw}",
+        )
+        self._status = gui.add_markdown("")
         self._choices: tuple[Any, ...] = ()
         self._sliders: dict[str, Any] = {}
-        if simulated:
-            with gui.add_folder("Scenario"):
-                self._add_scenario(settings)
-        with gui.add_folder("Trackers"):
-            on = [one.label for one in settings.trackers]
-            self._boxes = {label: self._add_tracker(label, label in on) for label in self._offered}
-        if simulated:
-            with gui.add_folder("Stress axes"):
-                self._sliders = {axis: self._add_axis(axis, settings) for axis in axes_by_name()}
-        with gui.add_folder("Save as"):
-            gui.add_button("Picture").on_click(self._save_picture)
-            gui.add_button("Last ten seconds").on_click(self._save_clip)
+        with panel.add_tab("Episode"):
             if simulated:
-                gui.add_button("Scenario (TOML)").on_click(self._save_toml)
-                _when(gui.add_button("Command line").on_click, self._show_command)
+                self._add_scenario(settings)
+            speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1")
+            _when(speed.on_update, lambda: setattr(self._player, "speed", _SPEEDS[speed.value]))
+            dark = gui.add_checkbox("Dark", False)
+            _when(dark.on_update, lambda: gui.configure_theme(**THEME, dark_mode=dark.value))
+            with gui.add_folder("Trackers"):
+                on = [one.label for one in settings.trackers]
+                self._boxes = {label: self._add_tracker(label, label in on) for label in self._offered}
+            saved = {"Picture": self._save_picture, "Last ten seconds": self._save_clip}
+            if simulated:
+                saved |= {"Scenario (TOML)": self._save_toml, "Command line": self._show_command}
+            self._add_group("Save", saved)
+        if simulated:
+            with panel.add_tab("Stress axes"):
+                self._sliders = {axis: self._add_axis(axis, settings) for axis in axes_by_name()}
         _when(gui.add_command("Play or pause", hotkey="P").on_trigger, self._toggle)
         if simulated:
             self._add_keys()
+
+    def _add_group(self, label: str, actions: Mapping[str, Callable[[Any], object]], hint: str | None = None) -> None:
+        def clicked(event: Any) -> None:
+            actions[event.target.value](event)
+
+        self._gui.add_button_group(label, tuple(actions), hint=hint).on_click(clicked)
 
     def _add_keys(self) -> None:
         gui = self._gui
@@ -312,7 +334,7 @@ class Controls:
         text = self._player.session.settings.toml()
         event.client.send_file_download("studio.toml", text.encode(), save_immediately=True)
 
-    def _show_command(self) -> None:
+    def _show_command(self, _: Any) -> None:
         self._player.status = self._player.session.settings.command_line()
 
 

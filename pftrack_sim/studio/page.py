@@ -14,13 +14,19 @@ import numpy as np
 
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.core.palette import GREY, Style, styles_of
-from pftrack_sim.studio.controls import Controls
+from pftrack_sim.studio.controls import THEME, Controls
 from pftrack_sim.studio.player import Player
 from pftrack_sim.studio.scene_view import SceneView
 from pftrack_sim.studio.session import Session
 from pftrack_sim.studio.tracked import Moment
 
 _PICTURES_HZ, _SCENE_HZ, _STATE_HZ = 30.0, 12.0, 4.0
+
+_SIDE_PX, _LEAST_PX, _SHARE_OF_WINDOW = 300, 420, 0.46
+"""Width of the panel of settings; least width of that of the picture, and its share of the window."""
+
+_STYLE = "<style>img[src^='blob:'] { width: 100% }</style>"
+"""Lets the picture fill its panel: viser shows none larger than its pixels."""
 
 _SPAN_S = 12.0
 _TRUTH = "truth"
@@ -50,15 +56,10 @@ _QUANTITIES = (
 
 
 class _Curves:
-    """Plots of overlap, confidence, visible fraction, time per frame and distance.
+    """Plots of overlap, confidence, visible fraction, time per frame and distance, below the controls of `gui`."""
 
-    Args:
-        gui: The viser server's GUI.
-        tab: Tab of it that holds the plots.
-    """
-
-    def __init__(self, gui: Any, tab: Any) -> None:
-        self._gui, self._tab = gui, tab
+    def __init__(self, gui: Any) -> None:
+        self._gui = gui
         self._plots: list[Any] = []
         self._names: list[tuple[str, ...]] = []
 
@@ -81,18 +82,17 @@ class _Curves:
         for plot in self._plots:
             plot.remove()
         styles = styles_of(recent[-1].ms)
-        with self._tab:
-            self._plots = [
-                self._gui.add_uplot(
-                    arrays,
-                    ({"label": "s"}, *(_line(name, styles.get(name, Style(GREY))) for name in found)),
-                    title=quantity.title,
-                    scales={"x": {"time": False}, "y": quantity.scale},
-                    legend={"show": quantity is _QUANTITIES[0]},
-                    height=_HEIGHT_PX,
-                )
-                for quantity, found, arrays in zip(_QUANTITIES, names, data, strict=True)
-            ]
+        self._plots = [
+            self._gui.add_uplot(
+                arrays,
+                ({}, *(_line(name, styles.get(name, Style(GREY))) for name in found)),
+                title=quantity.title,
+                scales={"x": {"time": False}, "y": quantity.scale},
+                legend={"show": quantity is _QUANTITIES[0], "live": False},
+                height=_HEIGHT_PX,
+            )
+            for quantity, found, arrays in zip(_QUANTITIES, names, data, strict=True)
+        ]
         self._names = names
 
 
@@ -116,21 +116,25 @@ class Page:
         self.player, self._server = player, server
         self._stop = threading.Event()
         gui = server.gui
-        gui.configure_theme(show_logo=False, show_share_button=False)
-        gui.main_panel.dock_right()
-        gui.main_panel.set_width(340)
-        controls = self.controls = Controls(gui, player, offered, lambda client: self._view.look_through(client))
-        self._view = SceneView(server, controls.track, controls.click, controls.select_box)
+        gui.configure_theme(**THEME)
+        gui.add_html(_STYLE)
+        self._picture = gui.add_image(player.moment.picture(), format="jpeg", jpeg_quality=85)
+        self._state = gui.add_markdown("")
         panel = gui.add_panel()
-        tab = panel.add_tab("Camera")
-        panel.dock_left()
-        panel.set_width(min(700, max(360, controls.shown.frame.image.shape[1] + 40)))
-        with tab:
-            self._picture = gui.add_image(controls.shown.picture(), format="jpeg", jpeg_quality=85)
-            self._state = gui.add_markdown("")
-        self._curves = _Curves(gui, tab)
+        controls = self.controls = Controls(gui, panel, player, offered, lambda client: self._view.look_through(client))
+        self._view = SceneView(server, controls.track, controls.click, controls.select_box)
+        gui.main_panel.dock_left()
+        panel.dock_right()
+        panel.set_width(_SIDE_PX)
+        server.on_client_connect(self._fit)
+        self._curves = _Curves(gui)
         self._thread = threading.Thread(target=self._publish, name="pftrack-sim studio page", daemon=True)
         self._thread.start()
+
+    def _fit(self, client: Any) -> None:
+        """Give the picture about half of a client's window."""
+        window_px = client.camera.image_width
+        client.gui.main_panel.set_width(max(_LEAST_PX, _SHARE_OF_WINDOW * window_px))
 
     def close(self) -> None:
         """Stop publishing. Closing twice is fine."""
@@ -152,6 +156,7 @@ class Page:
             if moment is not shown:
                 shown, picture = moment, moment.picture()
                 self._picture.image = picture
+                self.controls.show_time(shown)
             if shown is not placed and shown.world == world and now_s - scene_s > 1.0 / _SCENE_HZ:
                 with self._server.atomic():
                     self._view.show(shown, picture)
@@ -186,7 +191,7 @@ class Page:
         history = list(session.history) or [moment]  # it is empty while the session restarts
         speed = f"{player.frames_per_s:.1f} frames/s" if player.playing else "paused"
         same = " · as saved" if session.exact else " · changed on the way; restart to see what is saved"
-        self._state.content = f"**{moment.frame.time_s:.2f} s** · {speed}{same if session.simulated else ''}"
+        self._state.content = f"{speed}{same if session.simulated else ''}"
         self.controls.show(history)
         self._curves.show(history)
         self._view.show_trail(np.array([one.truth.T_world_camera[:2, 3] for one in history[::8]]))

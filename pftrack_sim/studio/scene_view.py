@@ -1,19 +1,20 @@
-"""The scene as simple geometry in a viser server: what stands still as one mesh, what moves as boxes and ellipsoids."""
+"""The scene in a viser server: what stands still with its textures, what moves as boxes and ellipsoids."""
 
 from __future__ import annotations
 
 import importlib
+import io
 import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.renderer import geoms_drawn
 from pftrack_sim.render.triangles import model_triangles
@@ -21,8 +22,8 @@ from pftrack_sim.scene.layout import owner_name
 from pftrack_sim.scene.scene_spec import geom_meshes
 from pftrack_sim.studio.tracked import Moment
 
-TRACKED, OTHERS, MACHINES = (40, 190, 90), (120, 120, 120), (60, 90, 140)
-"""Colours of people, and of the robot and carts; the target's path has the target's."""
+TRACKED, MACHINES = (40, 190, 90), (60, 90, 140)
+"""Colours of the ring around the person who is tracked and of the target's path, and of the robot and carts."""
 
 _YELLOW = (255, 200, 0)
 _OVERHEAD_M = 2.2
@@ -36,8 +37,10 @@ _MARGIN = 1.08
 
 _FIELD_RAD = math.radians(75.0)
 _PATH_M = 0.03
-_PATTERNED = 0.5
-"""Share of a texture on a face, from which on the face has the texture's mean colour."""
+_RING_M = 0.45
+
+_BACK_M, _UP_M, _CLEAR_M = 4.0, 3.0, 0.4
+"""Where the view starts behind and above the robot's camera, and how far from what stands behind it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,7 @@ class SceneView:
         self._scene.on_rect_select(modifier="shift")(self._drawn)
         self._batches: list[_Batch] = []
         self._people: tuple[str, ...] = ()
-        self._tracked = ""
+        self._corners = np.empty((0, 3))
         self._pose = np.eye(4)
         self._scene.configure_default_lights(enabled=True, cast_shadow=False)
 
@@ -89,8 +92,9 @@ class SceneView:
         owners = np.array([owner_name(model.body(int(body)).name) for body in model.geom_bodyid])
         moving = (model.body_weldid[model.geom_bodyid] != 0) | (model.body_mocapid[model.geom_bodyid] >= 0)
         still = drawn & ~moving & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
-        self._people, self._tracked = people, ""
-        self._scene.add_mesh_trimesh("/place", _static_mesh(model, moment, still), receive_shadow=False)
+        self._people = people
+        self._corners, glb = _static_scene(model, moment, still)
+        self._scene.add_glb("/place", glb, receive_shadow=False)
         for old in self._batches:
             old.handle.remove()
         self._batches = []
@@ -102,7 +106,7 @@ class SceneView:
             for shape, chosen in (("boxes", is_box), ("ellipsoids", ~is_box)):
                 geoms = np.flatnonzero(drawn & moving & (owners == owner) & chosen)
                 if geoms.size:
-                    self._batches.append(self._batch(owner, shape, geoms, boxes[geoms], owner in people))
+                    self._batches.append(self._batch(model, owner, shape, geoms, boxes[geoms]))
         self._build_camera(moment)
         self._lines("/path", _on_the_ground(path_m), TRACKED)
         self.show(moment)
@@ -133,10 +137,8 @@ class SceneView:
                 "nij,nj->ni", rotation, batch.centres_m
             ).astype(np.float32)
             batch.handle.batched_wxyzs = _wxyz(rotation)
-        if moment.truth.name != self._tracked:
-            self._tracked = moment.truth.name
-            for batch in self._batches:
-                batch.handle.batched_colors = np.array(self._colour(batch.owner), dtype=np.uint8)
+            if batch.owner == moment.truth.name:
+                self._lines("/tracked", _ring(moment.geom_m[batch.geoms].mean(axis=0)[:2]), TRACKED)
         self._pose = moment.truth.T_world_camera
         self._camera.position = self._pose[:3, 3]
         self._camera.wxyz = _wxyz(self._pose[None, :3, :3])[0]
@@ -153,12 +155,16 @@ class SceneView:
 
     def overview(self) -> tuple[FloatArray, FloatArray]:
         """A place to look from and a point to look at: behind and above the robot, or before a picture."""
-        forward = np.array([self._pose[0, 2], self._pose[1, 2], 0.0])
-        forward /= max(float(np.linalg.norm(forward)), 1e-6)
-        camera = self._pose[:3, 3]
+        forward, camera = self._forward(), self._pose[:3, 3]
         if not self._batches:
             return camera - 0.3 * forward, camera + _PICTURE_AT_M * forward
-        return camera - 4.0 * forward + (0.0, 0.0, 3.0), camera + 3.0 * forward - (0.0, 0.0, 0.4)
+        back_m = min(_BACK_M, max(0.0, _first_hit_m(self._corners, camera, -forward) - _CLEAR_M))
+        return camera - back_m * forward + (0.0, 0.0, _UP_M), camera + 3.0 * forward - (0.0, 0.0, 0.4)
+
+    def _forward(self) -> FloatArray:
+        """`(3,)` horizontal direction in which the robot's camera looks."""
+        forward = self._pose[:3, 2] * (1.0, 1.0, 0.0)
+        return forward / max(float(np.linalg.norm(forward)), 1e-6)
 
     def look_through(self, client: Any) -> None:
         """Let a client look through the robot's camera, so that the picture fills the view."""
@@ -175,7 +181,8 @@ class SceneView:
         client.camera.up_direction, client.camera.fov = (0.0, 0.0, 1.0), _FIELD_RAD
         client.camera.position, client.camera.look_at = place, towards
 
-    def _batch(self, owner: str, shape: str, geoms: IntArray, boxes: FloatArray, clickable: bool) -> _Batch:
+    def _batch(self, model: mujoco.MjModel, owner: str, shape: str, geoms: IntArray, boxes: FloatArray) -> _Batch:
+        is_person = owner in self._people
         trimesh = _trimesh()
         unit = trimesh.creation.box((2.0, 2.0, 2.0)) if shape == "boxes" else trimesh.creation.icosphere(2, 1.0)
         handle = self._scene.add_batched_meshes_simple(
@@ -185,19 +192,16 @@ class SceneView:
             np.tile((1.0, 0.0, 0.0, 0.0), (len(geoms), 1)),
             np.zeros((len(geoms), 3)),
             batched_scales=np.maximum(boxes[:, 1], 1e-3),
-            batched_colors=self._colour(owner),
+            batched_colors=np.array([_mean_colour(model, geom) for geom in geoms]) if is_person else MACHINES,
             lod="off",
         )
-        if clickable:
+        if is_person:
 
             def clicked(_: Any) -> None:
                 self._on_person(owner)
 
             handle.on_click(clicked)
         return _Batch(owner, geoms, boxes[:, 0], handle)
-
-    def _colour(self, owner: str) -> tuple[int, int, int]:
-        return MACHINES if owner not in self._people else TRACKED if owner == self._tracked else OTHERS
 
     def _clicked(self, event: Any) -> None:
         if (at := self._on_plane(np.array(event.ray_origin), np.array(event.ray_direction))) is not None:
@@ -245,6 +249,12 @@ def _on_the_ground(points_m: FloatArray) -> Any:
     return np.stack([points[:-1], points[1:]], axis=1)
 
 
+def _ring(middle_m: FloatArray) -> Any:
+    """`(32, 2, 3)` segments around a place on the ground."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 33)
+    return _on_the_ground(middle_m + _RING_M * np.column_stack([np.cos(angles), np.sin(angles)]))
+
+
 def _frustum(half_m: FloatArray) -> Any:
     """`(8, 2, 3)` edges of a viewing frustum in camera axes."""
     corners = [(x * half_m[0], y * half_m[1], _PICTURE_AT_M) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
@@ -252,52 +262,77 @@ def _frustum(half_m: FloatArray) -> Any:
     return np.array([*(((0.0, 0.0, 0.0), corner) for corner in corners), *rim], dtype=np.float32)
 
 
-def _static_mesh(model: mujoco.MjModel, moment: Moment, shown: BoolArray) -> Any:
-    """One mesh of the `(ngeom,)` geoms that are shown and do not move, with a colour for each face."""
+def _first_hit_m(corners: FloatArray, start: FloatArray, along: FloatArray) -> float:
+    """Distance at which a ray first meets one of the triangles with `(3 N, 3)` corners; infinity for none."""
+    first, second, third = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
+    sides = second - first, third - first
+    across, offset = np.cross(along, sides[1]), start - first
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = 1.0 / np.einsum("ni,ni->n", sides[0], across)
+        u, turned = scale * np.einsum("ni,ni->n", offset, across), np.cross(offset, sides[0])
+        v, distance = scale * (turned @ along), scale * np.einsum("ni,ni->n", sides[1], turned)
+        return float(np.min(distance[(u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (distance > 0.0)], initial=np.inf))
+
+
+def _static_scene(model: mujoco.MjModel, moment: Moment, shown: BoolArray) -> tuple[FloatArray, bytes]:
+    """The `(ngeom,)` geoms that are shown and do not move: `(3 N, 3)` corners of triangles, and a GLB with textures."""
     found = model_triangles(model, shown, geom_meshes(model)[:1])
-    corners: list[FloatArray] = []
-    colours: list[Any] = []
-    means: dict[int, Any] = {}
+    parts: dict[tuple[int, tuple[float, ...]], list[tuple[FloatArray, FloatArray]]] = {}
     for geom in np.flatnonzero(shown).tolist():
         vertices = found.vertices[slice(*found.vertex_starts[geom : geom + 2])]
         faces = found.faces[slice(*found.face_starts[geom : geom + 2])]
         placed = vertices @ moment.geom_rotation[geom].T + moment.geom_m[geom]
         if placed[:, 2].min() <= _OVERHEAD_M:
-            corners.append(placed[faces].reshape(-1, 3))
-            colours.append(np.repeat(_face_colours(model, geom, len(faces), means), 3, axis=0))
-    every = np.concatenate(corners)
-    faces = np.arange(len(every)).reshape(-1, 3)
-    return _trimesh().Trimesh(every, faces, vertex_colors=np.concatenate(colours), process=False)
+            texture, rgb, uv = _surface(model, geom)
+            if uv is None:
+                texture, rgb, uv = -1, _mean_colour(model, geom) / 255.0, np.zeros((len(faces), 3, 2))
+            parts.setdefault((texture, tuple(rgb)), []).append((placed[faces].reshape(-1, 3), uv.reshape(-1, 2)))
+    trimesh, scene = _trimesh(), _trimesh().Scene()
+    for (texture, rgb), pieces in parts.items():
+        corners, uv = (np.concatenate(one) for one in zip(*pieces, strict=True))
+        jpeg = None if texture < 0 else io.BytesIO(encode(_pixels(model, texture), ".jpg"))
+        material = trimesh.visual.material.PBRMaterial(
+            baseColorFactor=[*rgb, 1.0],
+            baseColorTexture=jpeg and importlib.import_module("PIL.Image").open(jpeg),
+            metallicFactor=0.0,
+            roughnessFactor=1.0,
+            doubleSided=True,
+        )
+        visual = trimesh.visual.TextureVisuals(uv=uv * (1.0, -1.0), material=material)
+        faces = np.arange(len(corners)).reshape(-1, 3)
+        scene.add_geometry(trimesh.Trimesh(corners, faces, visual=visual, process=False))
+    every = [corners for pieces in parts.values() for corners, _ in pieces]
+    return np.concatenate(every), scene.export(file_type="glb")
 
 
-def _face_colours(model: mujoco.MjModel, geom: int, count: int, means: dict[int, Any]) -> Any:
-    """`(count, 4)` uint8: the texture at the middle of each face, or the geom's own colour.
-
-    Mean colours of textures, which many geoms share, are kept in `means`.
-    """
-    material = int(model.geom_matid[geom])
+def _surface(model: mujoco.MjModel, geom: int) -> tuple[int, FloatArray, FloatArray | None]:
+    """A geom's texture, -1 for none; its `(3,)` colour; and `(N, 3, 2)` places of its faces in the texture, if any."""
+    material, mesh = int(model.geom_matid[geom]), int(model.geom_dataid[geom])
     rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
-    plain = np.tile(np.array(255.0 * np.clip(rgba, 0.0, 1.0), dtype=np.uint8), (count, 1))
-    plain[:, 3] = 255
     texture = -1 if material < 0 else int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
-    mesh = int(model.geom_dataid[geom])
-    if texture < 0:
-        return plain
+    uv = None
+    if texture >= 0 and mesh >= 0 and model.mesh_texcoordadr[mesh] >= 0:
+        faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
+        places = model.mesh_texcoord[model.mesh_texcoordadr[mesh] + model.mesh_facetexcoord[faces]]
+        uv = places * model.mat_texrepeat[material]
+    return texture, np.clip(rgba[:3], 0.0, 1.0).astype(np.float64), uv
+
+
+def _pixels(model: mujoco.MjModel, texture: int) -> Any:
+    """`(H, W, 3)` uint8 RGB."""
     width, height, channels = model.tex_width[texture], model.tex_height[texture], model.tex_nchannel[texture]
     start = int(model.tex_adr[texture])
-    pixels = model.tex_data[start : start + width * height * channels].reshape(height, width, channels)[..., :3]
-    if texture not in means:
-        means[texture] = np.array(cv2.mean(np.ascontiguousarray(pixels))[:3], dtype=np.uint8)
-    if mesh < 0 or model.mesh_texcoordadr[mesh] < 0:
-        plain[:, :3] = means[texture]
-        return plain
-    face, first = model.mesh_faceadr[mesh], model.mesh_texcoordadr[mesh]
-    uv = model.mesh_texcoord[first + model.mesh_facetexcoord[face : face + count]]
-    spread = (np.ptp(uv, axis=1) * model.mat_texrepeat[material]).max(axis=1)
-    middle = np.mod(uv.mean(axis=1) * model.mat_texrepeat[material], 1.0)
-    columns = np.minimum((middle[:, 0] * width).astype(np.intp), width - 1)
-    rows = np.minimum((middle[:, 1] * height).astype(np.intp), height - 1)
-    plain[:, :3] = pixels[rows, columns]
-    # One place of a pattern says nothing about a large face.
-    plain[spread >= _PATTERNED, :3] = means[texture]
-    return plain
+    pixels = model.tex_data[start : start + width * height * channels].reshape(height, width, channels)
+    return np.ascontiguousarray(pixels[..., :3])
+
+
+def _mean_colour(model: mujoco.MjModel, geom: int) -> Any:
+    """`(3,)` uint8: mean of a geom's texture over its faces, or of the whole texture, times its own colour."""
+    texture, rgb, uv = _surface(model, geom)
+    if texture < 0:
+        return (255.0 * rgb).astype(np.uint8)
+    pixels = _pixels(model, texture)
+    if uv is not None:
+        places = np.mod(uv.mean(axis=1), 1.0) * pixels.shape[1::-1]
+        pixels = pixels[places[:, 1].astype(np.intp), places[:, 0].astype(np.intp)]
+    return (rgb * pixels.reshape(-1, 3).mean(axis=0)).astype(np.uint8)

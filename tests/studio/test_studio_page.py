@@ -104,6 +104,7 @@ def shake_px(page: Any, studio: Studio, count: int = 4) -> float:
 @pytest.mark.slow
 def test_a_slider_shakes_the_pictures_that_arrive(page: Any, studio: Studio):
     assert shake_px(page, studio) < 0.05, "robot and camera stand still"
+    page.get_by_role("tab", name="Stress axes").click()
     label = page.locator("label", has_text="jitter [deg RMS]").get_attribute("for")
     slider = page.locator(f"[id='{label}'] [role=slider]")
     slider.focus()
@@ -119,6 +120,7 @@ def test_the_saved_file_reproduces_the_frames(page: Any, studio: Studio, tmp_pat
     until(lambda: studio.player.moment.frame.index == 0, "the restart")
     studio.player.ask(lambda session: session.advance())
     assert studio.player.session.exact
+    page.get_by_role("tab", name="Episode").click()
     with page.expect_download() as download:
         page.get_by_role("button", name="Scenario (TOML)").click()
     download.value.save_as(tmp_path / "saved.toml")
