@@ -47,7 +47,7 @@ def robot_parameters(settings: ResolvedScenario, latency_ms: float = 0.0) -> Rob
     robot, camera = settings.robot, settings.camera
     return RobotParameters(
         (camera.width_px, camera.height_px),
-        math.radians(camera.fovy_deg),
+        2.0 * camera.half_view_rad[1],
         camera.rate_hz / frames_per_result(latency_ms, camera.rate_hz),
         robot.max_speed_m_s,
         math.radians(robot.max_turn_deg_s),

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from pftrack_sim.camera.pinhole import intrinsics
+from pftrack_sim.core.calibration import read_calibration
 from pftrack_sim.core.errors import ParameterError, SequenceError
-from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats.images import SUFFIXES, ImageFiles, Images, numbered_images, video, video_times
 from pftrack_sim.formats.layouts import read_sequence
@@ -125,24 +124,8 @@ def camera_of(size_px: tuple[int, int], fovy_deg: float | None, calibration: Pat
 
 
 def _calibrated(path: Path, size_px: tuple[int, int]) -> CameraModel:
-    try:
-        text = read_bytes(path, 1 << 20).decode()
-        text = text if text.startswith("%YAML") else f"%YAML:1.0\n---\n{text}"
-        flags = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
-        storage = cv2.FileStorage(text, flags)
-        K, distortion = (_numbers(storage.getNode(key)) for key in ("camera_matrix", "distortion_coefficients"))
-        taken = tuple(int(storage.getNode(key).real()) for key in ("image_width", "image_height"))
-    except (OSError, UnicodeDecodeError, SystemError, cv2.error):
-        raise ParameterError(f"{path}: cannot be read as a calibration in YAML") from None
-    if len(K) != 9 or not np.isfinite(K).all() or min(K[0], K[4]) <= 0.0:
-        raise ParameterError(f"{path}: needs camera_matrix with 9 numbers, as ROS and OpenCV write it; got {len(K)}")
-    if taken not in ((0, 0), size_px):
-        raise ParameterError(f"{path}: is of images of {taken[0]}x{taken[1]}, these have {size_px[0]}x{size_px[1]}")
-    if len(distortion) not in (0, 4, 5, 8, 12, 14):
-        raise ParameterError(f"{path}: distortion_coefficients are 4, 5, 8, 12 or 14 numbers, got {len(distortion)}")
-    return CameraModel(K.reshape(3, 3), distortion)
-
-
-def _numbers(node: cv2.FileNode) -> FloatArray:
-    data = node.getNode("data") if node.isMap() else node
-    return np.array([data.at(index).real() for index in range(data.size())] if data.isSeq() else [], dtype=np.float64)
+    found = read_calibration(path)
+    if found.size_px not in (None, size_px):
+        width, height = found.size_px
+        raise ParameterError(f"{path}: is of images of {width}x{height}, these have {size_px[0]}x{size_px[1]}")
+    return CameraModel(found.K, found.distortion)

@@ -80,8 +80,7 @@ def _episode(
 def _half_field_of_view(store: RunStore, result: Result) -> float:
     """Half the camera's horizontal field of view [rad]."""
     scenario = store.plan.scenarios[result.scenario]
-    camera = Scenario(scenario.name, scenario.tree).resolve(result.seed).camera
-    return math.atan(math.tan(math.radians(camera.fovy_deg) / 2) * camera.width_px / camera.height_px)
+    return Scenario(scenario.name, scenario.tree).resolve(result.seed).camera.half_view_rad[0]
 
 
 def _lost(table: dict[str, Any]) -> list[dict[str, Any]]:

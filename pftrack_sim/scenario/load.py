@@ -13,8 +13,9 @@ from typing import Any, TypeAlias, cast
 from pydantic import ValidationError
 
 from pftrack_sim.core.arguments import checked
+from pftrack_sim.core.calibration import read_calibration
 from pftrack_sim.core.data_files import envs_dir
-from pftrack_sim.core.errors import ScenarioError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.core.inputs import MAX_DEPTH, MAX_TEXT, check_tree, parse_toml, read_bytes
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import ranges
@@ -98,7 +99,8 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
         loaded = scenario
     elif isinstance(scenario, Mapping):
         _check_tree("custom", scenario)
-        loaded = Scenario("custom", extended("custom", ranges.replaced(scenario, {}), _base, None))
+        tree = _with_calibration("custom", ranges.replaced(scenario, {}), Path())
+        loaded = Scenario("custom", extended("custom", tree, _base, None))
     else:
         loaded = _read(scenario)
     tree = loaded.tree
@@ -111,6 +113,7 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
         errors += [error] if error else []
     if overrides:
         _check_tree(loaded.name, tree)
+        tree = _with_calibration(loaded.name, tree, Path())
     # An override that shortens an episode cuts its actions off, now or when this Scenario was loaded.
     whole = not isinstance(scenario, Scenario) and "duration_s" not in (overrides or {})
     errors += _problems(tree, whole=whole)
@@ -122,13 +125,38 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
 
 def _read(scenario: str | Path) -> Scenario:
     path, name = _located(scenario, Path(scenario))
-    return Scenario(name, extended(name, read_toml(path, name), _base, path.resolve()))
+    tree = _with_calibration(name, read_toml(path, name), path.parent)
+    return Scenario(name, extended(name, tree, _base, path.resolve()))
 
 
 def _base(name: str, named_in: Path | None) -> tuple[Path, Tree]:
     """Path and tree of a base; a path is relative to the file that names it."""
     path, name = _located(name, Path(name) if named_in is None else named_in.parent / name)
-    return path.resolve(), read_toml(path, name)
+    return path.resolve(), _with_calibration(name, read_toml(path, name), path.parent)
+
+
+def _with_calibration(name: str, tree: Tree, folder: Path) -> Tree:
+    """The tree with what the file `camera.calibration` tells in its place; a path is relative to the folder."""
+    camera = tree.get("camera")
+    if not isinstance(camera, Mapping) or "calibration" not in camera:
+        return tree
+    own = dict(cast("Tree", camera))
+    file = own.pop("calibration")
+    if file is None:
+        return tree
+    try:
+        if not isinstance(file, str):
+            raise ParameterError(f"takes the path of a file, got {file!r}")
+        found = read_calibration(folder / file)
+        if found.size_px is None:
+            raise ParameterError(f"{file}: tells no width and height of its images")
+        width, height = found.size_px
+        (fx, _, cx), (_, fy, cy), _ = found.K.tolist()
+        calibrated = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "distortion": list(found.brown)}
+    except ParameterError as error:
+        raise ScenarioError(name, [f"camera.calibration: {error}"]) from None
+    size = {"width_px": width, "height_px": height}
+    return {**tree, "camera": {**size, **own, "calibrated": {**size, **calibrated}}}
 
 
 def _located(scenario: str | Path, path: Path) -> tuple[Path, str]:

@@ -6,6 +6,7 @@ x forward at the robot's start. The JSON Schema for editors is derived from thes
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
@@ -35,6 +36,18 @@ class Place(Section):
     clutter: Share = setting(1.0, "Share of the place's loose furniture that is present.")
 
 
+class CalibratedLens(Section):
+    """Camera matrix and lens of a calibration, in OpenCV's conventions: the middle of the first pixel is at (0, 0)."""
+
+    width_px: int = number(..., 16, 4096, "Width of the images that it is of.")
+    height_px: int = number(..., 16, 4096, "Height of the images that it is of.")
+    fx: float = number(..., 4, 10_000, "Focal length across [px].")
+    fy: float = number(..., 4, 10_000, "Focal length down [px].")
+    cx: float = number(..., -4096, 8192, "Principal point [px].")
+    cy: float = number(..., -4096, 8192, "Principal point [px].")
+    distortion: tuple[Angle, Angle, Angle, Angle, Angle] = setting((0.0,) * 5, "k1, k2, p1, p2, k3 of Brown's model.")
+
+
 class Camera(Section):
     """The camera on the robot's mast."""
 
@@ -46,6 +59,36 @@ class Camera(Section):
     mount: Literal["front", "left", "right", "back"] = setting("front", "Direction of the camera at rest.")
     tilt_deg: float = number(0.0, -45, 45, "Tilt at rest; positive looks up.")
     grey: bool = setting(False, "A grey camera: its luma in each of the three channels.")
+    calibration: str | None = setting(None, "YAML file of ROS, OpenCV or Kalibr, read into `calibrated`.")
+    calibrated: CalibratedLens | None = setting(None, "Camera matrix and lens in the place of `fovy_deg`.")
+
+    @model_validator(mode="after")
+    def _of_one_size(self) -> Camera:
+        own = self.calibrated
+        if own is not None and (own.width_px, own.height_px) != (self.width_px, self.height_px):
+            raise ValueError(
+                f"the calibration is of images of {own.width_px} x {own.height_px}: set camera.width_px and "
+                f"camera.height_px to these, got {self.width_px} x {self.height_px}"
+            )
+        return self
+
+    @property
+    def intrinsics_px(self) -> tuple[float, float, float, float]:
+        """Focal lengths fx, fy and principal point cx, cy from the upper left corner of the image."""
+        own = self.calibrated
+        if own is not None:
+            return own.fx, own.fy, own.cx + 0.5, own.cy + 0.5
+        focal = 0.5 * self.height_px / math.tan(self.half_view_rad[1])
+        return focal, focal, 0.5 * self.width_px, 0.5 * self.height_px
+
+    @property
+    def half_view_rad(self) -> tuple[float, float]:
+        """Half the horizontal and half the vertical field of view, without the lens's distortion."""
+        own = self.calibrated
+        if own is not None:
+            return math.atan(0.5 * own.width_px / own.fx), math.atan(0.5 * own.height_px / own.fy)
+        half = math.radians(0.5 * self.fovy_deg)
+        return math.atan(math.tan(half) * self.width_px / self.height_px), half
 
 
 class Jitter(Section):
@@ -178,6 +221,13 @@ class ResolvedScenario(Section):
     groups: tuple[Group, ...] = setting((), "People who belong together.", max_length=6)
     occluders: tuple[Occluder, ...] = setting((), "Occlusions, each at its time.", max_length=32)
     follow: Follow = Follow()
+
+    @property
+    def distortion(self) -> tuple[float, float, float, float, float]:
+        """k1, k2, p1, p2, k3 of the calibrated lens and the axis together."""
+        own, axis = self.camera.calibrated, self.axes.distortion.coefficients
+        k1, k2, p1, p2, k3 = axis if own is None else map(sum, zip(own.distortion, axis, strict=True))
+        return k1, k2, p1, p2, k3
 
     def late_actions(self) -> list[str]:
         """Messages about the target's actions that do not end within the episode."""

@@ -92,7 +92,7 @@ def _misplaced(points_m: FloatArray, layout: WalkableArea, radius_m: float, into
 def _unseen(settings: ResolvedScenario, offset_m: FloatArray) -> str | None:
     """Why a robot at rest does not see the target on the second half of its way; `(2, N)` positions relative to it."""
     robot, camera = settings.robot, settings.camera
-    half_v = math.radians(0.5 * camera.fovy_deg)
+    half_v = camera.half_view_rad[1]
     focal_px = 0.5 * camera.height_px / math.tan(half_v)
     nearest_m = float(np.hypot(*offset_m).min())
     if not isinstance(robot.route, StillRoute):

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.camera.shake import camera_shake
 from pftrack_sim.core.arguments import checked
@@ -165,7 +164,8 @@ class Simulation:
         if self._renderer is not None:
             self._renderer.unbind()
         world = World(settings, seed, draws=self._draws)
-        self._K = intrinsics(*size, float(np.deg2rad(settings.camera.fovy_deg)))
+        fx, fy, cx, cy = settings.camera.intrinsics_px
+        self._K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         self._shake = camera_shake(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
         self._frame_capture = make_frame_capture(settings, world.model, self._K, self._shake)
         self._bind_renderer(world, size if self._frame_capture is None else self._frame_capture.render_size)

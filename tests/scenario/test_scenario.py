@@ -84,7 +84,7 @@ def test_every_mistake_is_told_at_once_with_path_value_allowed_and_nearest():
         )
     )
     assert "7 problems" in message
-    assert "camera.fovydeg: unknown key (value 50); did you mean 'fovy_deg'? (allowed: fovy_deg, grey, " in message
+    assert "camera.fovydeg: unknown key (value 50); did you mean 'fovy_deg'? (allowed: calibrated, " in message
     assert "camera.width_px: got 'wide'" in message
     assert "place.kind: got 'plazza'; did you mean 'plaza'? (allowed: plaza, corridor, warehouse, street" in message
     assert "robot.route.distance_mm: unknown key (value 3); did you mean 'distance_m'?" in message

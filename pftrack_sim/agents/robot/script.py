@@ -84,9 +84,7 @@ class Script:
         seed: int = 0,
     ) -> None:
         self._axis = axis or TargetAxis()
-        view = camera or Camera()
-        half_v = math.radians(0.5 * view.fovy_deg)
-        half = math.atan(math.tan(half_v) * view.width_px / view.height_px)
+        half, half_v = (camera or Camera()).half_view_rad
         self._away_rad = half + _BODY_RAD + GAZE_DEAD_ZONE_RAD
         self._robot = robot
         self._target = target

@@ -241,7 +241,7 @@ def is_instantaneous(settings: ResolvedScenario) -> bool:
     """Whether each frame of a scenario is taken at an instant through a pinhole."""
     axes = settings.axes
     instant = axes.blur.physical == 0.0 and axes.rolling_shutter.physical == 0.0
-    return instant and not any(axes.distortion.coefficients)
+    return instant and not any(settings.distortion)
 
 
 def make_frame_capture(
@@ -254,11 +254,10 @@ def make_frame_capture(
     """
     axes, camera = settings.axes, settings.camera
     shutter = Shutter(1e-3 * axes.blur.physical, 1e-3 * axes.rolling_shutter.physical, camera.height_px)
-    coefficients = axes.distortion.coefficients
     if is_instantaneous(settings):
         return None
     try:
-        lens = Lens(K, coefficients, (camera.width_px, camera.height_px))
+        lens = Lens(K, settings.distortion, (camera.width_px, camera.height_px))
     except ParameterError as error:
         raise ScenarioError(repr(settings.title), [f"axes.distortion: {error}"]) from None
     return FrameCapture(model, lens, shutter, shake)

@@ -1,0 +1,112 @@
+"""A camera from a calibration file: the picture and the truth are where OpenCV puts them."""
+
+from pathlib import Path
+
+import cv2
+import mujoco
+import numpy as np
+import pytest
+
+from pftrack_sim import scenario
+from pftrack_sim.core.calibration import read_calibration
+from pftrack_sim.core.errors import ParameterError, ScenarioError
+from pftrack_sim.scene.layout import body_owners
+from pftrack_sim.simulation.simulation import Simulation
+
+ROS = """image_width: 320
+image_height: 240
+camera_name: narrow
+camera_matrix: {rows: 3, cols: 3, data: [219.4, 0.0, 148.3, 0.0, 231.7, 126.9, 0.0, 0.0, 1.0]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [-0.36, 0.11, 0.001, 0.0005, 0.0]}
+"""
+KALIBR = """cam0:
+  cam_overlaps: [1]
+  camera_model: pinhole
+  distortion_coeffs: [-0.36, 0.11, 0.001, 0.0005]
+  distortion_model: radtan
+  intrinsics: [219.4, 231.7, 148.3, 126.9]
+  resolution: [320, 240]
+  T_cam_imu:
+  - [1.0, 0.0, 0.0, 0.1]
+  - [0.0, 1.0, 0.0, 0.2]
+"""
+K = np.array([[219.4, 0.0, 148.3], [0.0, 231.7, 126.9], [0.0, 0.0, 1.0]])
+LENS = np.array([-0.36, 0.11, 0.001, 0.0005, 0.0])
+
+
+@pytest.mark.parametrize("text", [ROS, KALIBR])
+def test_files_of_ros_and_kalibr_are_read(text: str, tmp_path: Path):
+    file = tmp_path / "camera.yaml"
+    file.write_text(text)
+    found = read_calibration(file)
+    np.testing.assert_array_equal(found.K, K)
+    assert found.size_px == (320, 240)
+    assert found.brown == tuple(LENS)
+
+
+@pytest.mark.parametrize("lens", [LENS, np.zeros(5)])
+def test_boxes_are_where_opencv_projects_the_target(lens: np.ndarray, tmp_path: Path):
+    file = tmp_path / "camera.yaml"
+    file.write_text(ROS.replace("[-0.36, 0.11, 0.001, 0.0005, 0.0]", str(lens.tolist())))
+    overrides = {"camera.calibration": str(file), "camera.width_px": 320, "camera.height_px": 240}
+    with Simulation(scenario.load("plaza-walk", overrides), image=False) as simulation:
+        simulation.reset(3)
+        for _ in range(3):
+            truth = simulation.advance().truth
+            model, data = simulation.world.model, simulation.world.data
+            own = np.array([one == "target" for one in body_owners(model)])[model.geom_bodyid]
+            names = [model.geom(geom).name for geom in np.flatnonzero(own & (model.geom_dataid >= 0))]
+            points = np.vstack([vertices(model, data, name) for name in names])
+            camera = (points - truth.T_world_camera[:3, 3]) @ truth.T_world_camera[:3, :3]
+            found, _ = cv2.projectPoints(camera, np.zeros(3), np.zeros(3), K, lens)
+            places = found.reshape(-1, 2) + 0.5  # our pixels begin at their corners
+            box = np.hstack([places.min(axis=0), places.max(axis=0) - places.min(axis=0)])
+            assert np.abs(truth.amodal_box - box).max() < 0.05
+            np.testing.assert_allclose(truth.K, K + 0.5 * np.outer([1, 1, 0], [0, 0, 1]))
+            np.testing.assert_array_equal(truth.distortion, lens)
+
+
+def vertices(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> np.ndarray:
+    geom = model.geom(name).id
+    mesh = model.geom_dataid[geom]
+    first = model.mesh_vertadr[mesh]
+    own = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
+    return own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+
+
+def test_a_file_beside_a_scenario_is_found_and_its_size_is_the_cameras(tmp_path: Path):
+    (tmp_path / "camera.yaml").write_text(ROS)
+    (tmp_path / "mine.toml").write_text('extends = "corridor"\n[camera]\ncalibration = "camera.yaml"\n')
+    camera = scenario.load(tmp_path / "mine.toml").resolve(0).camera
+    assert (camera.width_px, camera.height_px) == (320, 240)
+    assert camera.intrinsics_px == (219.4, 231.7, 148.8, 127.4)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a: [1,,\n b", "cannot be read as a calibration"),
+        (ROS.replace("plumb_bob", "equidistant"), "of the model plumb_bob .* is needed, got equidistant"),
+        (
+            ROS.replace("0.0005, 0.0]", "0.0005, 0.0, 0.1, 0.0, 0.0]").replace("plumb_bob", "rational_polynomial"),
+            "got rational",
+        ),
+        (ROS.replace("219.4", "0.0"), r"focal lengths \[0.0\]"),
+        (ROS.replace("image_width: 320\nimage_height: 240\n", ""), "tells no width and height"),
+        (ROS.replace("219.4, 0.0, 148.3", "1.0e+9, 0.0, 148.3"), "camera.calibrated.fx"),
+    ],
+)
+def test_what_a_camera_cannot_be_made_of_is_said(text: str, said: str, tmp_path: Path):
+    (tmp_path / "camera.yaml").write_text(text)
+    with pytest.raises(ScenarioError, match=said):
+        scenario.load("corridor", {"camera.calibration": str(tmp_path / "camera.yaml")})
+
+
+def test_another_size_of_the_image_is_refused_with_the_remedy(tmp_path: Path):
+    (tmp_path / "camera.yaml").write_text(ROS)
+    overrides = {"camera.calibration": str(tmp_path / "camera.yaml"), "camera.width_px": 640, "camera.height_px": 480}
+    with pytest.raises(ScenarioError, match="images of 320 x 240: set camera"):
+        scenario.load("corridor", overrides)
+    with pytest.raises(ParameterError, match="cannot be read"):
+        read_calibration(tmp_path / "none.yaml")
