@@ -248,7 +248,7 @@ def _board(
         # Colour, dash and marker, as plotly reads them; the last are those of the first box in every frame.
         "styles": [[one.hexadecimal, one.dash, one.marker] for one in (*(styles[label] for label in trackers), STAY)],
         "neutral": Style(GREY).hexadecimal,
-        "measures": [[name, MEASURES[name]] for name in measures],
+        "measures": [[name, MEASURES[name], _meaning(name)] for name in measures],
         "groups": [
             [title, known] for title, group in GROUPS.items() if (known := [one for one in group if one in measures])
         ],
@@ -267,6 +267,14 @@ def _board(
         "precision_thresholds": score.PRECISION_THRESHOLDS_PX.tolist(),
         "episodes": told,
     }
+
+
+def _meaning(measure: str) -> str:
+    """What a measure is, of the definitions of its kind; empty where none tells."""
+    following = score.FOLLOWING_DEFINITIONS if measure.startswith("follow_") else score.DEFINITIONS
+    told = {**following, **score.PEOPLE_DEFINITIONS} if measure not in score.MEASURE_DEFINITIONS else {}
+    own = (words for name, words in told.items() if name.lower() in f"{measure} {MEASURES[measure].lower()}")
+    return score.MEASURE_DEFINITIONS.get(measure) or next(own, "")
 
 
 class _Counts:

@@ -25,7 +25,7 @@ def test_rows_and_curves_are_those_of_the_folder(finished: Path):
     assert len(told["rows"]) == 16
     assert len(told["episodes"]) == 8
     summary = duckdb.sql(f"SELECT tracker, mean_overlap FROM '{finished}/summary.parquet'").fetchall()
-    column = 2 + [name for name, _ in told["measures"]].index("mean_overlap")
+    column = 2 + [name for name, *_ in told["measures"]].index("mean_overlap")
     assert [row[column] for row in told["rows"]] == pytest.approx([value for _, value in summary], abs=1e-6)
     for tracker, _, _, frames, success, precision in told["curves"]:
         assert len(success) == score.SUCCESS_THRESHOLDS.size

@@ -11,8 +11,17 @@ from pftrack_sim import report, score
 
 CENTRE_OF_FRAME = """frame => {
     const plot = document.getElementById('overlap'), box = plot.getBoundingClientRect(), full = plot._fullLayout;
-    const y = plot.data[0].y[frame];
-    return [box.x + full.xaxis._offset + full.xaxis.l2p(frame), box.y + full.yaxis._offset + full.yaxis.l2p(y)];
+    const x = plot.data[0].x[frame], y = plot.data[0].y[frame];
+    return [box.x + full.xaxis._offset + full.xaxis.l2p(x), box.y + full.yaxis._offset + full.yaxis.l2p(y)];
+}"""
+
+
+LABELS = """name => {
+    const shown = [...document.querySelectorAll(`#${name} .annotation-text`)];
+    const boxes = shown.map((one) => one.getBoundingClientRect()), order = [...shown.keys()];
+    order.sort((a, b) => boxes[a].top - boxes[b].top);
+    const covered = order.slice(1).some((one, k) => boxes[one].top < boxes[order[k]].bottom - 2);
+    return covered ? null : order.map((one) => shown[one].textContent.slice(2));
 }"""
 
 
@@ -28,15 +37,20 @@ def board(page: Any) -> dict[str, list[str]]:
 
 def test_it_opens_from_disk_and_ranks(opened: Any):
     assert list(board(opened)) == ["oracle", "stay"]
-    assert board(opened)["oracle"][1] == "1.000\n1.00 1.00", "two seeds have no interval"
+    assert board(opened)["oracle"][1] == "1.00\n1.00 1.00", "two seeds have no interval"
     assert opened.locator("#board tbody th").first.bounding_box()["width"] > 150, "a name is read across, not down"
     assert opened.locator("#speed .xtick").first.text_content() == "0", "a linear scale"
     heads = opened.locator("#board thead th").all_inner_texts()
     assert heads[2:6] == ["mean overlap", "stay", "skill", "tracked at 0.5"]
-    assert [board(opened)[name][3] for name in ("oracle", "stay")] == ["1.000", "0.000"]
+    assert [board(opened)[name][3] for name in ("oracle", "stay")] == ["1.00", "0.00"]
     shown = [float(board(opened)[name][-1]) for name in ("oracle", "stay")]
-    assert shown == opened.evaluate("document.getElementById('speed').data[0].text.map(Number)"), "the same median"
-    assert opened.locator("#success .legendtext").count() == 2
+    assert sorted(shown) == opened.evaluate("document.getElementById('speed').data[0].text.map(Number)"), (
+        "the same median"
+    )
+    for name in ("overlap", "success", "precision"):
+        assert opened.evaluate(LABELS, name) == ["oracle", "stay"], "names at the ends of the curves, none on another"
+    assert opened.evaluate("document.getElementById('overlap').layout.xaxis.title.text") == "time [s]"
+    assert "first box" in opened.locator("#board th", has_text="stay").first.get_attribute("title")
     assert opened.locator("#axes .plot").count() == 1
     assert opened.locator(".strip img").count() >= 5
 
@@ -99,7 +113,8 @@ def test_a_name_that_is_a_script_stays_text(browser: Any, hostile: Path):
     page.wait_for_selector("body[data-ready=yes]")
     assert page.title() != "taken"
     assert HOSTILE in board(page)
-    assert HOSTILE in page.locator("#success .legendtext").all_text_contents()
+    names = page.locator("#success .annotation-text, #success .legendtext").all_text_contents()
+    assert any(HOSTILE in text for text in names)
     assert page.locator("img[src=x]").count() == 0
     page.close()
 

@@ -33,7 +33,7 @@ def test_the_page_has_a_table_of_everybody_in_view(show: Callable[..., Any], cro
     (row,) = page.locator("#people tbody tr").all()
     cells = row.locator("td").all_inner_texts()
     assert row.locator("th").inner_text().startswith("chau2011 (detections)")
-    assert (cells[0], cells[1].split("\n")[0]) == ("2", f"{sum(scores) / 2:.3f}")
+    assert (cells[0], cells[1].split("\n")[0]) == ("2", f"{sum(scores) / 2:.2f}")
     assert page.locator("#board tbody tr").count() == 2
 
 

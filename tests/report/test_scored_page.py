@@ -42,7 +42,7 @@ def test_the_page_and_the_table_have_the_scores(scored: Scored, tmp_path: Path):
     page = write_scored(scored, tmp_path / "out", {"results": "mine"}).read_text()
     data: dict[str, Any] = json.loads(re.search(r'id="data">(.*?)</script>', page)[1])
     assert (data["unit"], data["scenarios"], data["trackers"]) == ("sequence", list(NAMES), ["close", "far"])
-    at = [name for name, _ in data["measures"]].index("mean_overlap") + 2
+    at = [name for name, *_ in data["measures"]].index("mean_overlap") + 2
     shown = {(data["trackers"][row[0]], data["episodes"][row[1]]["scenario"]): row[at] for row in data["rows"]}
     rows = list(csv.DictReader((tmp_path / "out/results.csv").open()))
     assert len(shown) == len(rows) == len(scored.results) == 6
@@ -55,7 +55,7 @@ def test_the_page_and_the_table_have_the_scores(scored: Scored, tmp_path: Path):
     assert (pair["seeds"], pair["difference"]) == (3, pytest.approx(scored.comparisons[0].difference.mean, abs=1e-6))
     for value in scored.benchmark["far"].values():
         assert f"<td>{score_text(value)}</td>" in page
-    assert "ms_median" not in [name for name, _ in data["measures"]]
+    assert "ms_median" not in [name for name, *_ in data["measures"]]
 
 
 @pytest.mark.slow
@@ -64,8 +64,8 @@ def test_it_opens_and_ranks_by_sequences(scored: Scored, tmp_path: Path, show: C
     assert page.locator("#board thead th").all_inner_texts()[:3] == ["tracker", "sequences", "mean overlap"]
     mean = np.mean([one.summary.mean_overlap for one in scored.results if one.tracker.label == "close"])
     cells = page.locator("#board tbody tr").first.locator("td").all_inner_texts()
-    assert (cells[0], cells[1].split()[0]) == ("3", f"{mean:.3f}")
-    assert page.locator("#extent").inner_text() == "2 trackers, 3 sequences, 6 results"
+    assert (cells[0], cells[1].split()[0]) == ("3", f"{mean:.2f}")
+    assert page.locator("#extent").inner_text() == "out: 2 trackers, 3 sequences, 6 results"
     page.locator("#filter-scenario").select_option("1")
     assert page.locator("#board tbody tr").first.locator("td").first.inner_text() == "1"
     assert not page.locator("#h-losses").is_visible()

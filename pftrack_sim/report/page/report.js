@@ -75,11 +75,37 @@ function layout(x, y, more = {}) {
   return {
     // The tool bar has the top margin to itself; the legend lies below the plot.
     margin: { l: 56, r: 12, t: 34, b: 46, ...(more.margin || {}) }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
-    font: { color: ink, size: 12 }, hovermode: "closest", legend: { orientation: "h", x: 0, y: -0.2, yanchor: "top" },
+    font: { color: ink, size: 12 }, hovermode: "closest", showlegend: Boolean(more.legend), legend: more.legend, annotations: more.annotations || [],
     xaxis: { ...axis, title: { text: escaped(x), standoff: 8 }, ...(more.xaxis || {}) },
     yaxis: { ...axis, title: { text: escaped(y) }, ...(more.yaxis || {}) },
-    shapes: more.shapes || [], modebar: { bgcolor: "rgba(0,0,0,0)", color: line, activecolor: ink },
+    shapes: more.shapes || [], height: more.height, modebar: { bgcolor: "rgba(0,0,0,0)", color: line, activecolor: ink },
   };
+}
+const SIGNS = { circle: "\u25cf", square: "\u25a0", "triangle-up": "\u25b2", diamond: "\u25c6", x: "\u2716", star: "\u2605" };
+const LINE_PX = 15, MARGINS_PX = 80, FAR_PX = 60; // of a name; above and below a plot; no line leads farther
+
+// Draw curves of shares, with names at their ends, or below where the plot is narrow.
+function drawShares(plot, traces, x, y, more = {}) {
+  const named = traces.filter((trace) => trace.showlegend !== false).map(({ name, tracker, x: at, y: values }) => {
+    const known = values.filter(Number.isFinite);
+    return { name, tracker, x: at[values.lastIndexOf(known.at(-1))], end: known.at(-1), mean: mean(known) };
+  }).filter((one) => one.end !== undefined).sort((a, b) => a.end - b.end || a.mean - b.mean);
+  const right = 44 + 6.6 * Math.max(0, ...named.map((one) => one.name.length)), [first, last] = [Math.min, Math.max].map((of) => of(...traces.flatMap((trace) => trace.x)));
+  const axes = { yaxis: { range: [-0.02, 1.02] }, xaxis: traces.length ? { range: [first - 0.02 * (last - first), last + 0.01 * (last - first)] } : {} };
+  if (plot.clientWidth < right + 280) {
+    const legend = { orientation: "h", x: 0, y: 0, yref: "container", yanchor: "bottom", maxheight: 1 }, below = 20 * named.length;
+    Plotly.react(plot, traces, layout(x, y, { ...more, ...axes, legend, height: 360 + below, margin: { b: 56 + below } }), CONFIG);
+    return;
+  }
+  const height = Math.max(400, LINE_PX * named.length + MARGINS_PX), room = height - MARGINS_PX, pixel = (share) => (share + 0.02) / 1.04 * room;
+  let place = -Infinity;
+  for (const one of named) { place = Math.max(pixel(one.end), place + LINE_PX); one.place = place; }
+  place = room + LINE_PX;
+  for (const one of named.toReversed()) { place = Math.min(one.place, place - LINE_PX); one.place = place; }
+  const annotations = named.map((one) => ({ text: `<span style="color:${colour(one.tracker)}">${SIGNS[marker(one.tracker)]}</span> ${one.name}`, font: { size: 11 },
+    x: one.x, y: one.end, xanchor: "left", ax: 26, ay: pixel(one.end) - one.place, arrowhead: 0, arrowwidth: 1,
+    arrowcolor: Math.abs(pixel(one.end) - one.place) < FAR_PX ? colour(one.tracker) : "rgba(0,0,0,0)" }));
+  Plotly.react(plot, traces, layout(x, y, { ...more, ...axes, annotations, height, margin: { r: right } }), CONFIG);
 }
 const CONFIG = { displaylogo: false, displayModeBar: "hover", responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
 
@@ -89,9 +115,9 @@ function rowOf(names, cells) {
   return line;
 }
 
-function fillTable(table, names, lines) {
+function fillTable(table, names, lines, meanings = {}) {
   const top = element("tr");
-  top.append(...names.map((name) => element("th", name, { scope: "col" })));
+  top.append(...names.map((name) => element("th", name, { scope: "col", ...meanings[name] && { title: meanings[name] } })));
   table.tHead.replaceChildren(top);
   table.tBodies[0].replaceChildren(...lines.map((cells) => rowOf(names, cells)));
 }
@@ -170,7 +196,7 @@ function drawBoard(id, shown, by, counts) {
       if (name === "stay") cells.push(element("td", number(values.length ? (group.mean - mean(values)) / (1 - mean(values)) : null)));
     }
     return cells;
-  }));
+  }), Object.fromEntries(DATA.measures.map(([, head, meaning]) => [head, meaning])));
 }
 
 function drawCurves() {
@@ -187,12 +213,17 @@ function drawCurves() {
         frames += curve[3];
         curve[column].forEach((count, k) => { sums[k] += count; });
       }
-      return { x: thresholds, y: sums.map((sum) => sum / frames), name: escaped(DATA.trackers[tracker]), mode: "lines", tracker,
-        line: { color: colour(tracker), dash: dash(tracker), width: 2 }, frames };
+      return { x: thresholds, y: sums.map((sum) => sum / frames), name: escaped(DATA.trackers[tracker]), tracker, frames, ...look(tracker) };
     }).filter((trace) => trace.frames > 0);
-    Plotly.react(id, traces, layout(x, y, { yaxis: { range: [0, 1.02] } }), CONFIG);
+    drawShares(byId(id), traces, x, y);
     onClick(byId(id), ({ data }) => showWorst(DATA.rows.filter((row) => row[0] === data.tracker && chosen(row))));
   }
+}
+
+// A line whose marks are far enough apart to tell it without its colour.
+function look(tracker) {
+  return { mode: "lines+markers", marker: { symbol: marker(tracker), color: colour(tracker), size: 6, maxdisplayed: 12 },
+    line: { color: colour(tracker), dash: dash(tracker), width: 2 } };
 }
 
 function onClick(plot, act) {
@@ -246,15 +277,14 @@ function drawAxes() {
           mode: "markers", marker: { color: colour(tracker) + "66", symbol: marker(tracker), size: 4 } });
       }
       traces.push({ x, y: points.map((point) => mean(point.values)), legendgroup: more.legendgroup, name: escaped(name), tracker,
-        text: points.map((point) => `${point.values.length} seeds`), mode: "lines+markers", marker: { symbol: marker(tracker), size: 8 },
-        line: { color: colour(tracker), dash: dash(tracker), width: 2 } });
+        text: points.map((point) => `${point.values.length} seeds`), ...look(tracker) });
     }
     if (traces.length) curves.push({ label, traces, plot: element("div", null, { class: "plot" }) });
   }
   // A plot takes its width when it is drawn: all of them must be in the grid by then.
   room.append(...curves.map(({ plot }) => plot));
   for (const { label, traces, plot } of curves) {
-    Plotly.newPlot(plot, traces, layout(label, "mean overlap", { yaxis: { range: [0, 1.02] } }), CONFIG);
+    drawShares(plot, traces, label, "mean overlap");
     onClick(plot, ({ data, x }) => showWorst(rowsAt(data.tracker, [[label, x]])));
   }
   for (const pair of new Set(DATA.maps.map(([one, , other]) => JSON.stringify([one, other])))) {
@@ -286,14 +316,15 @@ function drawMatrix() {
     cells[pair.other][pair.one] = { ...pair, sign: -1 };
   }
   table.replaceChildren();
-  const head = element("tr");
-  head.append(element("th", "row \u2212 column", { scope: "col" }));
-  DATA.trackers.forEach((name) => head.append(element("th", name, { scope: "col" })));
+  table.classList.toggle("many", count > 6);
+  const overlap = DATA.trackers.map((_, tracker) => mean(perSeed(DATA.rows.filter((row) => row[0] === tracker), OVERLAP)) || 0);
+  const order = [...DATA.trackers.keys()].sort((a, b) => overlap[b] - overlap[a]), head = element("tr");
+  head.append(element("th", "row \u2212 column", { scope: "col" }), ...order.map((one) => element("th", DATA.trackers[one], { scope: "col" })));
   table.append(head);
-  DATA.trackers.forEach((name, one) => {
+  order.forEach((one) => {
     const line = element("tr");
-    line.append(element("th", name, { scope: "row" }));
-    DATA.trackers.forEach((_, other) => {
+    line.append(element("th", DATA.trackers[one], { scope: "row" }));
+    order.forEach((other) => {
       const pair = cells[one][other];
       const cell = element("td", one === other || !pair || pair.difference === null ? "" : number(pair.sign * pair.difference));
       if (pair && pair.shown) cell.style.fontWeight = "700";
@@ -311,15 +342,17 @@ function drawSpeed() {
     return line;
   }));
   const column = measureAt("ms_median");
-  if (column < FIRST) { byId("speed").hidden = true; return; }
+  byId("slowest").closest("details").hidden = !DATA.slowest.length;
+  byId("speed").closest("section").hidden = column < FIRST;
+  if (column < FIRST) return;
   const bars = [...state.trackers].map((tracker) => {
     const values = finite(DATA.rows.filter((row) => row[0] === tracker && chosen(row)).map((row) => row[column]));
     return values.length ? [tracker, median(values)] : null;
-  }).filter(Boolean);
+  }).filter(Boolean).sort((a, b) => a[1] - b[1]);
   const names = bars.map(([tracker]) => escaped(DATA.trackers[tracker]));
   Plotly.react("speed", [{ type: "bar", orientation: "h", y: names, x: bars.map((bar) => bar[1]),
     marker: { color: bars.map(([tracker]) => colour(tracker)) }, text: bars.map((bar) => number(bar[1], 2)), textposition: "auto" }],
-  layout("ms per frame", "", { xaxis: { rangemode: "tozero" }, yaxis: { automargin: true } }), CONFIG);
+  layout("ms per frame", "", { height: 24 * bars.length + 120, xaxis: { rangemode: "tozero" }, yaxis: { automargin: true, autorange: "reversed" } }), CONFIG);
 }
 
 function drawAll() { drawAnswers(); drawBoards(); drawCurves(); drawAxes(); drawLosses(); drawEpisode(); drawSpeed(); }

@@ -1,7 +1,7 @@
 "use strict";
 // The losses of the target, and the episode shown frame by frame. Shares report.js's helpers.
 const BEFORE_S = 1; // the video starts so long before a loss
-const MOST_LOSSES = 60;
+const MOST_LOSSES = 60, MOST_ANSWERS = 6;
 
 function unpacked(text) {
   return Float32Array.from(atob(text), (letter) => letter.charCodeAt(0) / 250);
@@ -11,15 +11,14 @@ function drawEpisode() {
   const episode = DATA.episodes[state.episode];
   const traces = [...state.trackers].filter((tracker) => episode.overlap[tracker]).map((tracker) => {
     const y = [...unpacked(episode.overlap[tracker])];
-    return { x: y.map((_, k) => k), y, name: escaped(DATA.trackers[tracker]), mode: "lines+markers", marker: { size: 3, symbol: marker(tracker) },
-      line: { color: colour(tracker), dash: dash(tracker), width: 1.5 } };
+    return { x: y.map((_, k) => startOf(k)), y, name: escaped(DATA.trackers[tracker]), tracker, ...look(tracker) };
   });
-  const shapes = (episode.occluded || []).map(([first, end]) => ({ type: "rect", xref: "x", yref: "paper", x0: first - 0.5,
-    x1: end - 0.5, y0: 0, y1: 1, fillcolor: "rgba(128,128,128,0.28)", line: { width: 0 }, layer: "below" }));
+  const shapes = (episode.occluded || []).map(([first, end]) => ({ type: "rect", xref: "x", yref: "paper", x0: startOf(first),
+    x1: startOf(end), y0: 0, y1: 1, fillcolor: "rgba(128,128,128,0.28)", line: { width: 0 }, layer: "below" }));
   shapes.push({ type: "line", xref: "x", yref: "paper", x0: 0, x1: 0, y0: 0, y1: 1, line: { width: 1.5, color: "#888", dash: "dot" } });
-  Plotly.react("overlap", traces, layout("frame", "overlap", { yaxis: { range: [-0.02, 1.02] }, shapes }), CONFIG);
+  drawShares(byId("overlap"), traces, "time [s]", "overlap", { shapes });
   const video = byId("video");
-  onClick(byId("overlap"), ({ x }) => { video.pause(); seek(Math.round(x)); });
+  onClick(byId("overlap"), ({ x }) => { video.pause(); seek(frameAt(x + 1e-4)); });
   video.hidden = !episode.video;
   byId("film-note").textContent = episode.video || DATA.unit !== "seed" ? "" : DATA.drives.length ? "Every tracker drove an episode of its own: see Following."
     : "No video of this episode: the same command with --videos all films every episode into this folder.";
@@ -62,7 +61,7 @@ function mark(frame) {
   const plot = byId("overlap");
   if (!plot.layout) return;
   const last = plot.layout.shapes.length - 1;
-  Plotly.relayout(plot, { [`shapes[${last}].x0`]: frame, [`shapes[${last}].x1`]: frame });
+  Plotly.relayout(plot, { [`shapes[${last}].x0`]: startOf(frame), [`shapes[${last}].x1`]: startOf(frame) });
 }
 
 function keys(event) {
@@ -127,11 +126,15 @@ function drawAnswers() {
     return { tracker, overlap: overlaps.length ? mean(overlaps) : null, told };
   }).filter((answer) => DATA.rows.some((row) => row[0] === answer.tracker && chosen(row)));
   answers.sort((a, b) => b.overlap - a.overlap);
-  byId("answers").replaceChildren(...answers.map(({ tracker, overlap, told }) => {
+  const lines = answers.map(({ tracker, overlap, told }) => {
     const line = element("li");
     line.append(swatch(tracker), element("b", DATA.trackers[tracker]), element("strong", number(overlap, 2)), element("span", told.join("; ")));
     return line;
-  }));
+  });
+  byId("answers").replaceChildren(...lines.slice(0, MOST_ANSWERS));
+  byId("more-answers").replaceChildren(...lines.slice(MOST_ANSWERS));
+  byId("more").hidden = lines.length <= MOST_ANSWERS;
+  byId("more").firstElementChild.textContent = `${lines.length - MOST_ANSWERS} more, the last: ${answers.at(-1)?.tracker === undefined ? "" : DATA.trackers[answers.at(-1).tracker]} ${number(answers.at(-1)?.overlap)}`;
 }
 
 const has = (loss, tag) => Boolean(loss[5] & (1 << tag));
