@@ -47,6 +47,7 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
     if target.suffix.lower() not in (".html", ".htm"):
         raise ParameterError(f"a page's name must end in .html, got {str(target)!r}")
     worse = [pair for pair in found.episodes if pair.difference < 0.0]
+    largest = max(found.episodes, key=lambda pair: abs(pair.difference), default=None)
     shown = [row.difference for row in (*found.rows, *found.tags)]
     ends = np.array([[one.mean, one.low, one.high] for one in shown])
     scale = max(0.01, float(np.nanmax(np.abs(ends), initial=0.0)))
@@ -68,7 +69,12 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
         report=_link(second.path / "report.html", target.parent),
         worse=len(worse),
         better=sum(pair.difference > 0.0 for pair in found.episodes),
-        episodes=[_episode(first, second, found, pair, target.parent) for pair in worse[:_MOST_EPISODES]],
+        episodes=[
+            _episode(first, second, found, pair, target.parent)
+            for pair in worse[:_MOST_EPISODES]
+            if pair is not largest
+        ],
+        largest=_episode(first, second, found, largest, target.parent) if largest else None,
     )
     write_bytes(target, page.encode())
     if target.parent.resolve() in (first.path.resolve(), second.path.resolve()):
@@ -136,8 +142,9 @@ def _episode(
         for store, result, name in zip((first, second), (pair.first, pair.second), found.names, strict=True)
     ]
     end_s = max(float(one.time_s[-1]) for one in frames) or 1.0
-    parting_s = _parting_s(frames[0].time_s, frames[0].overlap,
-                           np.interp(frames[0].time_s, frames[1].time_s, frames[1].overlap))  # fmt: skip
+    overlaps = [frames[0].overlap, np.interp(frames[0].time_s, frames[1].time_s, frames[1].overlap)]
+    ahead, behind = overlaps if pair.difference <= 0.0 else overlaps[::-1]
+    parting_s = _parting_s(frames[0].time_s, ahead, behind)
     start_s = max(parting_s - _BEFORE_S, 0.0)
     videos = [_video(store, result, folder) for store, result in ((first, pair.first), (second, pair.second))]
     same = videos[0] == videos[1]
@@ -157,7 +164,7 @@ def _episode(
 
 
 def _parting_s(time_s: FloatArray, first: FloatArray, second: FloatArray) -> float:
-    """When the second falls behind: the start of the first `_WINDOW_S` in which it does by half of the most it does."""
+    """When `second` falls behind: the start of the first `_WINDOW_S` in which it does by half of the most it does."""
     count = max(1, int(np.count_nonzero(time_s < time_s[0] + _WINDOW_S)))
     behind = np.convolve(np.nan_to_num(first - second), np.full(count, 1.0 / count), mode="valid")
     return float(time_s[int(np.argmax(behind >= 0.5 * behind.max()))]) if behind.max() > 0.0 else 0.0

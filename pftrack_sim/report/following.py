@@ -30,11 +30,11 @@ def following_episodes(store: RunStore, numbers: Mapping[tuple[str, str, int], i
     results = sorted(store.results, key=lambda result: store.video_of(result) is None)[:MAX_EPISODES]
     chosen = {id(result) for result in results}
     trackers = list(dict.fromkeys(result.label for result in store.results))
-    fields_of_view: dict[tuple[str, int], float] = {}
+    scenes: dict[tuple[str, int], dict[str, float]] = {}
     failed = failures(store)
     return [
         {"episode": numbers[result.scenario, result.condition.name, result.seed]}
-        | _episode(store, result, trackers, fields_of_view)
+        | _episode(store, result, trackers, scenes)
         | {"ending": _ending(result, failed.get(result.key))}
         for result in store.results
         if id(result) in chosen
@@ -48,13 +48,13 @@ def video_link(store: RunStore, result: Result) -> str | None:
 
 
 def _episode(
-    store: RunStore, result: Result, trackers: list[str], fields_of_view: dict[tuple[str, int], float]
+    store: RunStore, result: Result, trackers: list[str], scenes: dict[tuple[str, int], dict[str, float]]
 ) -> dict[str, Any]:
     table = store.frame_columns(result, (*_COLUMNS, *_AFTER))
     every = slice(None, None, math.ceil(len(table["frame"]) / MAX_POINTS))
     at = (result.scenario, result.seed)
-    if at not in fields_of_view:
-        fields_of_view[at] = _half_field_of_view(store, result)
+    if at not in scenes:
+        scenes[at] = _scene(store, result)
 
     def curve(name: str, digits: int = 2, scale: float = 1.0) -> list[float | None]:
         values = scale * np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64)
@@ -65,7 +65,7 @@ def _episode(
         "tracker": trackers.index(result.label),
         "video": video_link(store, result),
         "rate_hz": result.number("rate_hz"),
-        "half_fov": fields_of_view[at],
+        **scenes[at],
         "time": curve("time_s", 3),
         "robot": [curve("robot_x_m"), curve("robot_y_m")],
         "target": [curve("target_x_m"), curve("target_y_m")],
@@ -77,10 +77,11 @@ def _episode(
     }
 
 
-def _half_field_of_view(store: RunStore, result: Result) -> float:
-    """Half the camera's horizontal field of view [rad]."""
+def _scene(store: RunStore, result: Result) -> dict[str, float]:
+    """Half the camera's horizontal field of view [rad], the wanted distance, and the limits of both errors."""
     scenario = store.plan.scenarios[result.scenario]
-    return Scenario(scenario.name, scenario.tree).resolve(result.seed).camera.half_view_rad[0]
+    resolved = Scenario(scenario.name, scenario.tree).resolve(result.seed)
+    return {"half_fov": resolved.camera.half_view_rad[0], **resolved.follow.model_dump()}
 
 
 def _lost(table: dict[str, Any]) -> list[dict[str, Any]]:

@@ -41,7 +41,9 @@ def test_it_shows_differences_and_videos_at_the_moment_of_parting(show: Callable
             in page.locator(".statement").inner_text()
         )
         assert page.locator("#differences tbody tr").count() == 1
-        assert page.locator("article polyline").count() == 2
+        assert page.locator("#differences tfoot .scale").inner_text().split()[1] == "0", "an axis under the bars"
+        assert page.locator("section[aria-labelledby=h-largest] article polyline").count() == 2
+        assert page.locator("article polyline").count() == 2, "the largest difference is not shown twice"
         assert page.locator("article video").count() == 1, "both saw the same episode: one video has both boxes"
         start = float(page.locator("article").get_attribute("data-start"))
         until(page, f"Math.abs(document.querySelector('video').currentTime - {start}) < 0.11")

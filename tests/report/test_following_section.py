@@ -59,6 +59,10 @@ def test_the_slider_moves_cone_cursor_and_video(driven: Path, show: Callable[...
     assert float(cells["oracle+still"]) == pytest.approx(
         contents(RunStore(driven))["drives"][1]["lost"][0]["since"], abs=0.11
     )
+    assert not page.locator("#h-episode").is_visible(), "no picture is common to all: nothing frame by frame"
+    assert page.locator("#drive-distance .annotation-text").all_text_contents() == ["wanted", "limit"]
+    assert page.locator("#drive-bearing .annotation-text").all_text_contents() == ["wanted", "limit", "limit"]
+    assert page.evaluate("document.getElementById('drive-distance').layout.shapes[0].y0") == 3.0
     page.select_option("#drive", index=1)
     assert "never found again" in page.locator("#drive-told").inner_text()
     until(page, "document.getElementById('drive-video').readyState >= 1")

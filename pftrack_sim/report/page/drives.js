@@ -22,25 +22,32 @@ function cursor(seconds) {
   return { type: "line", xref: "x", yref: "paper", x0: seconds, x1: seconds, y0: 0, y1: 1, line: { width: 1.5, color: "#888", dash: "dot" } };
 }
 
+const end = ([x, y], text) => ({ x: x.at(-1), y: y.at(-1), text, showarrow: false, yshift: 14 });
+const level = (y, dash) => ({ type: "line", xref: "paper", x0: 0, x1: 1, y0: y, y1: y, line: { width: 1, color: "#888", dash }, layer: "below" });
+const said = (y, text) => ({ xref: "paper", x: 1.01, y, xanchor: "left", text, font: { size: 11 }, showarrow: false });
+
 function drawDrive() {
   const one = DRIVES[drive.index], ink = colour(one.tracker);
   const line = (points, name, style) => ({ x: points[0], y: points[1], name, mode: "lines", line: style, hoverinfo: "name" });
   const dot = (name, look) => ({ x: [0], y: [0], name, mode: "markers", marker: look, showlegend: false });
   Plotly.react("drive-map", [
-    { x: [0], y: [0], name: "view", mode: "lines", fill: "toself", fillcolor: ink + "22", line: { color: ink, width: 1 }, hoverinfo: "skip" },
+    { x: [0], y: [0], mode: "lines", fill: "toself", fillcolor: ink + "22", line: { color: ink, width: 1 }, hoverinfo: "skip" },
     line(one.robot, "robot", { color: ink, width: 2 }),
     line(one.target, "target", { color: DATA.neutral, width: 2, dash: "dash" }),
     dot("robot now", { color: ink, size: 11, symbol: "square" }),
     dot("target now", { color: DATA.neutral, size: 10 }),
     { x: one.lost.map((loss) => loss.x), y: one.lost.map((loss) => loss.y), text: one.lost.map((loss) => escaped(loss.why)),
-      name: "lost here", mode: "markers", marker: { symbol: "x", size: 12, color: "#D1242F" }, hoverinfo: "text", showlegend: one.lost.length > 0 },
-  ], layout("x [m]", "y [m]", { yaxis: { scaleanchor: "x" } }), CONFIG);
-  for (const [id, values, label] of [["drive-distance", one.distance, "distance [m]"], ["drive-bearing", one.bearing, "bearing [\u00b0]"]]) {
+      name: "lost here", mode: "markers", marker: { symbol: "x", size: 12, color: "#D1242F" }, hoverinfo: "text" },
+  ], layout("x [m]", "y [m]", { yaxis: { scaleanchor: "x" }, annotations: [end(one.robot, "robot"), end(one.target, "target")] }), CONFIG);
+  const { distance_m: wanted, distance_limit_m: off, bearing_limit_deg: aside } = one;
+  for (const [id, values, label, wish, limits] of [["drive-distance", one.distance, "distance [m]", wanted, [wanted - off, wanted + off].filter((limit) => limit > 0)],
+    ["drive-bearing", one.bearing, "bearing [\u00b0]", 0, [-aside, aside]]]) {
     const last = one.after[one.after.length - 1];
     const shapes = one.lost.map((loss) => ({ type: "rect", xref: "x", yref: "paper", x0: loss.since, x1: loss.until === null ? last : loss.until,
       y0: 0, y1: 1, fillcolor: "rgba(209,36,47,0.18)", line: { width: 0 }, layer: "below" }));
     Plotly.react(id, [{ x: one.after, y: values, mode: "lines", line: { color: ink, width: 2 }, showlegend: false }],
-      layout("time [s]", label, { shapes: [...shapes, cursor(0)] }), CONFIG);
+      layout("time [s]", label, { shapes: [...shapes, level(wish, "dot"), ...limits.map((limit) => level(limit, "dash")), cursor(0)], margin: { r: 52 },
+        annotations: [said(wish, "wanted"), ...limits.map((limit) => said(limit, "limit"))] }), CONFIG);
     onClick(byId(id), ({ x }) => goTo(x));
   }
   const told = byId("drive-told");

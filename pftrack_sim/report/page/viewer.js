@@ -20,8 +20,7 @@ function drawEpisode() {
   const video = byId("video");
   onClick(byId("overlap"), ({ x }) => { video.pause(); seek(frameAt(x + 1e-4)); });
   video.hidden = !episode.video;
-  byId("film-note").textContent = episode.video || DATA.unit !== "seed" ? "" : DATA.drives.length ? "Every tracker drove an episode of its own: see Following."
-    : "No video of this episode: the same command with --videos all films every episode into this folder.";
+  byId("film-note").textContent = episode.video || DATA.unit !== "seed" ? "" : "No video of this episode: the same command with --videos all films every episode into this folder.";
   if (episode.video) { video.src = `${linked(episode.video)}#t=0.01`; } else { video.removeAttribute("src"); }
 }
 
@@ -91,6 +90,7 @@ function showAtTime(tracker, episode, seconds) {
   const { time } = DATA.episodes[episode], video = byId("video");
   const frame = time ? Math.max(time.findLastIndex((one) => one <= seconds), 0) : Math.round(seconds * rate());
   if (video.readyState >= 1) seek(frame); else { video.addEventListener("loadedmetadata", () => seek(frame), { once: true }); mark(frame); }
+  byId("h-episode").closest("section").hidden = false; // a drive that is not among those of Following
   byId("h-episode").scrollIntoView();
   byId("viewer").focus({ preventScroll: true });
 }
