@@ -109,9 +109,8 @@ def shots() -> Iterator[tuple[str, Image]]:
         page.get_by_role("tab", name="Stress axes").click()
         handle = slider(page, "jitter [deg RMS]")
         handle.focus()
-        for _ in range(40):
-            handle.press("ArrowRight")
-        until(lambda: studio.player.session.settings.physical("jitter") > 2.99, "the slider's value")
+        handle.press("End")
+        until(lambda: studio.player.session.settings.physical("jitter") > 6.0, "the slider's value")
         handle.blur()
         turn_back(studio)
         advance(studio, 4.0)
@@ -124,9 +123,9 @@ def shots() -> Iterator[tuple[str, Image]]:
         screenshot(page)
         x, y = middle_of_view(page)
         page.keyboard.down("Shift")
-        page.mouse.move(x + 68, y - 55)
+        page.mouse.move(x + 42, y - 42)
         page.mouse.down()
-        page.mouse.move(x + 158, y + 90, steps=8)
+        page.mouse.move(x + 112, y + 66, steps=8)
         yield "drawing", screenshot(page)
 
 
@@ -168,7 +167,7 @@ def film() -> Iterator[Image]:
             page.mouse.up()
 
         yield from play(10)
-        yield from pull("jitter", "ArrowRight", 40)
+        yield from pull("jitter", "End", 1)
         yield from play(12)
         yield from pull("jitter", "Home", 1)
         time = slider(page, "Time [s]").bounding_box()

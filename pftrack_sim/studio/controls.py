@@ -100,7 +100,7 @@ class Controls:
 
     def show_time(self, moment: Moment) -> None:
         """Let the slider of the time end at the moment whose picture is shown, unless that is one of the past."""
-        first_s, last_s = round(self._first_s, 3), round(moment.frame.time_s, 3)
+        first_s, last_s = round(self._first_s, 2), round(moment.frame.time_s, 2)
         if self.past is None and last_s > first_s and self._scrub.max != last_s:
             self._scrub.min, self._scrub.max, self._scrub.value = first_s, last_s, last_s
 
@@ -152,7 +152,7 @@ class Controls:
         gui, settings, simulated = self._gui, self._player.session.settings, self._player.session.simulated
         self._play = gui.add_button("Play")
         _when(self._play.on_click, self._toggle)
-        self._scrub = gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0, hint="Look back while paused.")
+        self._scrub = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0, hint="Look back while paused.")
         _when(self._scrub.on_update, self._look_back)
         here = "Restart from here: from the time above on, with these settings, trackers anew."
         draw = "Draw a box: pause, look through the camera, and start all trackers with a box."

@@ -138,7 +138,7 @@ class SceneView:
             ).astype(np.float32)
             batch.handle.batched_wxyzs = _wxyz(rotation)
             if batch.owner == moment.truth.name:
-                self._lines("/tracked", _ring(moment.geom_m[batch.geoms].mean(axis=0)[:2]), TRACKED)
+                self._lines("/ring", _ring(moment.geom_m[batch.geoms].mean(axis=0)[:2]), TRACKED)
         self._pose = moment.truth.T_world_camera
         self._camera.position = self._pose[:3, 3]
         self._camera.wxyz = _wxyz(self._pose[None, :3, :3])[0]

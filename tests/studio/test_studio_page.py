@@ -200,7 +200,7 @@ def test_the_last_frame_of_an_episode_can_be_looked_at():
     with Studio(replace(PLAIN, overrides={**STILL, "duration_s": 0.6}), port=0) as opened:
         until(lambda: opened.player.session.over and not opened.player.playing, "the end of the episode")
         last_s = opened.player.session.history[-1].frame.time_s
-        until(lambda: abs(opened.page.controls._scrub.max - last_s) < 1e-3, "the slider reaches the last frame")
+        until(lambda: abs(opened.page.controls._scrub.max - last_s) < 0.01, "the slider reaches the last frame")
 
 
 def test_a_game_pad_drives_the_robot_that_is_driven_by_hand(studio: Studio, monkeypatch: pytest.MonkeyPatch):
