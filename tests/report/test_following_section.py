@@ -52,6 +52,7 @@ def test_an_open_loop_run_has_no_closed_loop_episodes(finished: Path):
 
 @pytest.mark.slow
 def test_the_slider_moves_cone_cursor_and_video(driven: Path, show: Callable[..., Any]):
+    assert show(report.write_report(driven), 400).evaluate("document.documentElement.scrollWidth") <= 400
     page = show(report.write_report(driven))
     cells = {row.locator("th").inner_text().splitlines()[0]: row.locator("td[data-label^='time to loss']").inner_text()
              for row in page.locator("#board tbody tr").all()}  # fmt: skip
