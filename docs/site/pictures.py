@@ -124,7 +124,7 @@ Value: TypeAlias = Callable[[Frame, Estimate], float]
 
 def draw_moving() -> None:
     """The story of the front page, and an episode of each environment."""
-    write_moving("story.webp", tracking_story("ko2012/video-1", seed=2, until_s=9.0)[44:200:3], 8.3)
+    write_moving("story.webp", tracking_story("ko2012/video-1", seed=2, until_s=9.0)[44:200:4], 6.25)
     for short, *episode in ENVIRONMENTS:
         write_moving(f"{short}.webp", environment_story(*episode), 5.0)
 
