@@ -118,5 +118,5 @@ def limit(
             with progress_bar("filming", len(shown)) as tick:
                 film(store, shown, backend=run.backend, on_episode=tick)
             store.write_summary()
-    tables.print_lines([f"written: {write_limits_page(path, found, levels)}"])
+    tables.print_page(write_limits_page(path, found, levels))
     raise typer.Exit(1 if any(one.error for one in RunStore(path).results) else 0)

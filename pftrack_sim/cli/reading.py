@@ -131,7 +131,7 @@ def compare(
     found = compare_runs(one, other, names, measure=measure)
     tables.print_comparison(found)
     tables.print_lines(losses_of_both(one, other, found))
-    tables.print_folder(write_comparison(one, other, found, html or other.path / "comparison.html"))
+    tables.print_page(write_comparison(one, other, found, html or other.path / "comparison.html"))
 
 
 def write_page(run: Path) -> None:

@@ -287,6 +287,12 @@ def print_folder(path: Path | None) -> None:
     console.print(f"written: {path}", soft_wrap=True)
 
 
+def print_page(path: Path) -> None:
+    """Print the path of a page, and how to see it."""
+    print_folder(path)
+    print_lines([f"next: open {shlex.quote(str(path))}"])
+
+
 def print_next(run: RunStore) -> None:
     """Print what can be done with a run."""
     from pftrack_sim.score import LEAST_FOR_VERDICT

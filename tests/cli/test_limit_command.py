@@ -40,6 +40,7 @@ def test_limits_are_printed_written_and_resumed(tmp_path: Path):
     assert first.returncode == second.returncode == 0, first.stderr
     assert "Breaking points: overlap >= 0.5 for 90 % of the episode, in 50 % of the episodes" in first.stdout
     assert first.stdout == second.stdout
+    assert first.stdout.splitlines()[-1] == "next: open run/limits.html"
     found = json.loads((tmp_path / "run/limits.json").read_text())
     assert [one["tracker"] for one in found["limits"]] == ["ncc", "stay"]
     assert (tmp_path / "run/limits.html").is_file()
