@@ -36,14 +36,10 @@ class _Command(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         _, _, order = self.make_parser(ctx).parse_args(list(args))
-        for option in order:
-            if (
-                order.count(option) > 1
-                and option.nargs == 1
-                and not option.multiple
-                and option.param_type_name == "option"
-            ):
-                raise ParameterError(f"{option.opts[0]} is given {order.count(option)} times (allowed: once)")
+        once = [one for one in order if one.param_type_name == "option" and not one.multiple]
+        for option in once:
+            if (count := once.count(option)) > 1:
+                raise ParameterError(f"{option.opts[0]} is given {count} times (allowed: once)")
         return super().parse_args(ctx, args)
 
 

@@ -79,6 +79,8 @@ def read_calibration(path: Path) -> Calibration:
             f"{path}: needs camera_matrix with 9 numbers, as ROS and OpenCV write it, or cam0 of Kalibr; "
             f"got {len(matrix)} numbers, focal lengths {matrix[:1].tolist()} and {matrix[4:5].tolist()}"
         )
+    if matrix[[1, 3, 6, 7]].any() or matrix[8] != 1.0:
+        raise ParameterError(f"{path}: camera_matrix is none of a pinhole without skew: {matrix.tolist()}")
     if len(distortion) not in _COUNTS or not np.isfinite(distortion).all():
         raise ParameterError(f"{path}: distortion coefficients are 4, 5, 8, 12 or 14 numbers, got {len(distortion)}")
     whole = (int(size[0]), int(size[1])) if len(size) == 2 and size.any() else None

@@ -317,7 +317,7 @@ class LightAxis(Axis, name="light", headline="dim_ev", unit="EV"):
 
 
 Source: TypeAlias = Literal["wind", "ground", "road"]
-_Coefficient: TypeAlias = Annotated[float, Field(ge=-10.0, le=10.0)]
+Coefficient: TypeAlias = Annotated[float, Field(ge=-10.0, le=10.0)]
 RoadClass: TypeAlias = Literal["A", "B", "C", "D", "E"]
 
 
@@ -375,11 +375,11 @@ class RollingShutterAxis(Axis, name="rolling_shutter", headline="readout_ms", un
 class DistortionAxis(Axis, name="distortion", headline="radial", unit="|k1|"):
     """Brown-Conrady lens distortion in OpenCV's parameters; at severity 0 a pinhole camera."""
 
-    k1: _Coefficient = setting(-0.125, "Radial, r^2: negative is a barrel, positive a cushion.")
-    k2: _Coefficient = setting(0.04, "Radial, r^4.")
-    p1: _Coefficient = setting(0.0, "Tangential: the sensor is tilted about the horizontal.")
-    p2: _Coefficient = setting(0.0, "Tangential: the sensor is tilted about the vertical.")
-    k3: _Coefficient = setting(0.0, "Radial, r^6.")
+    k1: Coefficient = setting(-0.125, "Radial, r^2: negative is a barrel, positive a cushion.")
+    k2: Coefficient = setting(0.04, "Radial, r^4.")
+    p1: Coefficient = setting(0.0, "Tangential: the sensor is tilted about the horizontal.")
+    p2: Coefficient = setting(0.0, "Tangential: the sensor is tilted about the vertical.")
+    k3: Coefficient = setting(0.0, "Radial, r^6.")
 
     @property
     def coefficients(self) -> tuple[float, float, float, float, float]:

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from pftrack_sim.scenario.axes import Axes
+from pftrack_sim.scenario.axes import Axes, Coefficient
 from pftrack_sim.scenario.people import Distractors, Group, Target, end_s, title
 from pftrack_sim.scenario.robot import Robot
 from pftrack_sim.scenario.section import (
@@ -45,7 +45,9 @@ class CalibratedLens(Section):
     fy: float = number(..., 4, 10_000, "Focal length down [px].")
     cx: float = number(..., -4096, 8192, "Principal point [px].")
     cy: float = number(..., -4096, 8192, "Principal point [px].")
-    distortion: tuple[Angle, Angle, Angle, Angle, Angle] = setting((0.0,) * 5, "k1, k2, p1, p2, k3 of Brown's model.")
+    distortion: tuple[Coefficient, Coefficient, Coefficient, Coefficient, Coefficient] = setting(
+        (0.0,) * 5, "k1, k2, p1, p2, k3 of Brown's model."
+    )
 
 
 class Camera(Section):

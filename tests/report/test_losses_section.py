@@ -8,9 +8,10 @@ import pytest
 from small_report import until
 
 from pftrack_sim import report
-from pftrack_sim.benchmark import RunStore
+from pftrack_sim.benchmark import RunStore, make_plan, run
 from pftrack_sim.benchmark.reading.losses import TAGS
 from pftrack_sim.report.contents import contents
+from tests.benchmark.small import SMALL
 
 
 def test_the_data_are_those_of_the_view(lost: Path):
@@ -59,3 +60,13 @@ def test_no_table_is_cut_at_400_pixels(show: Callable[..., Any], lost: Path):
             const bar = legend.closest('.plot').querySelector('.modebar').getBoundingClientRect();
             return legend.getBoundingClientRect().top > bar.bottom;
         })"""), "the tool bar lies over no legend"
+
+
+@pytest.mark.slow
+def test_an_episode_that_ends_with_an_error_is_not_held(show: Callable[..., Any], tmp_path: Path):
+    plan = make_plan(["corridor"], ["oracle", "tests.benchmark.faulty_trackers:raises"], [0], overrides=SMALL)
+    run(plan, tmp_path / "run", videos="none", workers=0, isolation="never")
+    good, bad = show(report.write_report(tmp_path / "run")).locator("#answers li").all_inner_texts()
+    assert "holds the target in 1 of 1 episodes" in good
+    assert "holds the target in 0 of 1 episodes" in bad
+    assert "ends with an error in 1 of 1 episodes" in bad

@@ -31,6 +31,7 @@ KALIBR = """cam0:
   - [1.0, 0.0, 0.0, 0.1]
   - [0.0, 1.0, 0.0, 0.2]
 """
+SIZE = {"camera.width_px": 320, "camera.height_px": 240}
 K = np.array([[219.4, 0.0, 148.3], [0.0, 231.7, 126.9], [0.0, 0.0, 1.0]])
 LENS = np.array([-0.36, 0.11, 0.001, 0.0005, 0.0])
 
@@ -49,7 +50,7 @@ def test_files_of_ros_and_kalibr_are_read(text: str, tmp_path: Path):
 def test_boxes_are_where_opencv_projects_the_target(lens: np.ndarray, tmp_path: Path):
     file = tmp_path / "camera.yaml"
     file.write_text(ROS.replace("[-0.36, 0.11, 0.001, 0.0005, 0.0]", str(lens.tolist())))
-    overrides = {"camera.calibration": str(file), "camera.width_px": 320, "camera.height_px": 240}
+    overrides = {"camera.calibration": str(file), **SIZE}
     with Simulation(scenario.load("plaza-walk", overrides), image=False) as simulation:
         simulation.reset(3)
         for _ in range(3):
@@ -92,6 +93,8 @@ def test_a_file_beside_a_scenario_is_found_and_its_size_is_the_cameras(tmp_path:
             ROS.replace("0.0005, 0.0]", "0.0005, 0.0, 0.1, 0.0, 0.0]").replace("plumb_bob", "rational_polynomial"),
             "got rational",
         ),
+        (ROS.replace("219.4, 0.0, 148.3", "219.4, 1.5, 148.3"), "none of a pinhole without skew"),
+        (ROS.replace("126.9, 0.0, 0.0, 1.0", "126.9, 0.0, 0.0, 0.0"), "none of a pinhole without skew"),
         (ROS.replace("219.4", "0.0"), r"focal lengths \[0.0\]"),
         (ROS.replace("image_width: 320\nimage_height: 240\n", ""), "tells no width and height"),
         (ROS.replace("219.4, 0.0, 148.3", "1.0e+9, 0.0, 148.3"), "camera.calibrated.fx"),
@@ -101,6 +104,13 @@ def test_what_a_camera_cannot_be_made_of_is_said(text: str, said: str, tmp_path:
     (tmp_path / "camera.yaml").write_text(text)
     with pytest.raises(ScenarioError, match=said):
         scenario.load("corridor", {"camera.calibration": str(tmp_path / "camera.yaml")})
+
+
+def test_a_lens_that_folds_the_image_is_named_with_its_calibration(tmp_path: Path):
+    (tmp_path / "camera.yaml").write_text(ROS.replace("-0.36, 0.11", "-3.6, 0.0"))
+    one = Simulation(scenario.load("corridor", {"camera.calibration": str(tmp_path / "camera.yaml"), **SIZE}))
+    with one, pytest.raises(ScenarioError, match=r"camera\.calibrated with axes\.distortion: .* is not invertible"):
+        one.reset(0)
 
 
 def test_another_size_of_the_image_is_refused_with_the_remedy(tmp_path: Path):

@@ -259,7 +259,8 @@ def make_frame_capture(
     try:
         lens = Lens(K, settings.distortion, (camera.width_px, camera.height_px))
     except ParameterError as error:
-        raise ScenarioError(repr(settings.title), [f"axes.distortion: {error}"]) from None
+        key = "axes.distortion" if camera.calibrated is None else "camera.calibrated with axes.distortion"
+        raise ScenarioError(repr(settings.title), [f"{key}: {error}"]) from None
     return FrameCapture(model, lens, shutter, shake)
 
 

@@ -114,10 +114,11 @@ function drawAnswers() {
     const rows = DATA.rows.filter((row) => row[0] === tracker && chosen(row)), own = losses.filter((loss) => loss[0] === tracker);
     const seen = moments.filter((row) => row[0] === tracker), overlaps = perSeed(rows, OVERLAP), told = [];
     const shareOf = (tag) => own.filter((loss) => has(loss, tag)).length / own.length;
-    const lost = new Set(own.map((loss) => loss[1])), untracked = seen.filter((row) => !row[3]).length, errors = errorsOf(rows);
+    const untracked = seen.filter((row) => !row[3]).length, errors = errorsOf(rows);
+    const ended = new Set([...own, ...rows.filter((row) => errorsOf([row]))].map((row) => row[1])); // by a loss or an error
     const drives = success < FIRST ? [] : finite(rows.map((row) => row[success]));
     if (drives.length) told.push(`follows to the end in ${drives.filter((one) => one > 0).length} of ${drives.length} drives`);
-    if (seen.length) told.push(`holds the target in ${seen.length - lost.size - untracked} of ${seen.length} episodes`);
+    if (seen.length) told.push(`holds the target in ${seen.filter((row) => row[3] && !ended.has(row[1])).length} of ${seen.length} episodes`);
     const tag = [...DATA.tags.keys()].sort((one, other) => (shareOf(other) - usual(other)) - (shareOf(one) - usual(one)))[0];
     if (own.length && shareOf(tag) > usual(tag)) told.push(`${percent(shareOf(tag))} of its ${own.length} losses begin with: ${DATA.tags[tag][0]} (${percent(usual(tag))} of all ${frames} frames)`);
     else if (own.length) told.push(`${own.length} losses`);
