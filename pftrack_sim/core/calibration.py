@@ -72,7 +72,9 @@ def read_calibration(path: Path) -> Calibration:
             )
             size = np.array([storage.getNode(key).real() for key in ("image_width", "image_height")])
             model = storage.getNode("distortion_model").string()
-    except (OSError, UnicodeDecodeError, SystemError, ValueError, cv2.error):
+    except OSError as error:
+        raise ParameterError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (SystemError, ValueError, cv2.error):  # text that is no UTF-8 is a ValueError
         raise ParameterError(f"{path}: cannot be read as a calibration in YAML") from None
     if len(matrix) != 9 or not np.isfinite(matrix).all() or min(matrix[0], matrix[4]) <= 0.0:
         raise ParameterError(
