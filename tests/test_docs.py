@@ -11,6 +11,7 @@ import pytest
 import typer
 from blocks import blocks, run_page
 from pictures import PICTURES, TUTORIALS
+from plots import PLOTS, draw
 
 from pftrack_sim import scenario
 from pftrack_sim.cli.app import app
@@ -44,6 +45,26 @@ def test_every_scenario_axis_and_tutorial_has_its_picture():
     assert sum(path.stat().st_size for path in PICTURES.rglob("*")) < 7e6
     for page in TUTORIALS:
         assert f"pictures/tutorials/{page}.webp" in (DOCS / f"{page}.md").read_text(encoding="utf-8")
+
+
+def test_plots_of_results_are_those_of_their_tables(tmp_path: Path):
+    drawn = draw(DOCS / "results.md", tmp_path)
+    assert [path.stem for path in drawn] == list(PLOTS)
+    for path in drawn:
+        committed = PICTURES / "results" / path.name
+        assert committed.read_text(encoding="utf-8") == path.read_text(encoding="utf-8"), "make pictures PARTS=results"
+    page = tmp_path / "page.md"
+    page.write_text(
+        "<!-- tables of ko2012 -->\n\n| Table 2: as printed | video-1 | mean |\n| --- | --- | --- |\n"
+        "| `other` | 9 / 8 | 70.0 / 20.0 (10.0 to 30.0) |\n| `stay` | - | - / 15.0 |\n"
+        "| `best` | 9 / 8 | 80.0 / 40.0 (35.0 to 45.0) |\n\n<!-- end -->\n",
+        encoding="utf-8",
+    )
+    text = draw(page, tmp_path)[0].read_text(encoding="utf-8")
+    assert "best 40.0, printed 80.0; other 20.0, printed 70.0</title>" in text
+    assert ">stay 15.0<" in text
+    assert re.findall(r'cx="([\d.]+)"', text) == ["299.2", "241.6"]  # 288 px from 0 to 100, from 184
+    assert 'd="M284.8 ' in text
 
 
 def test_code_blocks_are_of_languages_that_are_run():
@@ -118,7 +139,8 @@ def test_the_site_builds_with_every_page_and_link(tmp_path: Path):
     assert "rgb_array_list" in track
     for page in ("results", "gallery", "index"):
         text = (tmp_path / "site" / page.removeprefix("index") / "index.html").read_text(encoding="utf-8")
-        sizes = ["width=" in image for image in re.findall(r"<img[^>]+pictures/[^>]+(?:webp|png|jpg)[^>]*>", text)]
+        drawn = re.findall(r"<img[^>]+pictures/[^>]+(?:webp|png|jpg|results/\w+\.svg)[^>]*>", text)
+        sizes = ['width="' in image for image in drawn]
         assert sizes, page
         assert all(sizes), f"{page}: nothing moves while pictures load"
     assert (tmp_path / "site" / "results" / "index.html").read_text(encoding="utf-8").count("<details>") == 8

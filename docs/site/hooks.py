@@ -50,10 +50,15 @@ def on_page_content(html: str, page: Any, **_: Any) -> str:
     def sized(found: re.Match[str]) -> str:
         # Links are those of the site by now, where a page may be a folder of its own.
         path = PICTURES.parent / posixpath.normpath(posixpath.join(page.url, found[1]))
-        if not path.is_relative_to(PICTURES) or path.suffix == ".svg":
+        if not path.is_relative_to(PICTURES):
             return found[0]
-        with PIL.Image.open(path) as picture:
-            return f'<img width="{picture.width}" height="{picture.height}"{found[0][4:]}'
+        if path.suffix == ".svg":
+            box = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', path.read_text(encoding="utf-8"))
+            width, height = box.groups() if box else ("", "")
+        else:
+            with PIL.Image.open(path) as picture:
+                width, height = str(picture.width), str(picture.height)
+        return f'<img width="{width}" height="{height}"{found[0][4:]}'
 
     return IMAGES.sub(sized, html)
 

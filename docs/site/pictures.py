@@ -67,6 +67,7 @@ def main(parts: Sequence[str]) -> None:
         "studio": draw_studio,
         "film": draw_film,
         "drawings": draw_drawings,
+        "results": draw_results,
     }
     if unknown := set(parts) - set(known):
         sys.exit(f"unknown pictures {sorted(unknown)}; there are {', '.join(known)}")
@@ -282,6 +283,14 @@ def draw_drawings() -> None:
     from drawings import draw
 
     draw(PICTURES / "design")
+
+
+def draw_results() -> None:
+    """The numbers of the page of results."""
+    from plots import draw
+
+    for path in draw(DOCS / "results.md", PICTURES / "results"):
+        print(f"{path.stat().st_size / 1000:6.0f} kB results/{path.name}", flush=True)
 
 
 def draw_film() -> None:
