@@ -35,6 +35,8 @@ _HIGH_INCH = 2.6
 
 _LETTERS_PER_INCH, _KEY_LETTERS = 18, 7  # At 7 pt; what a line and its gaps take beside a name
 
+_CROSSING_PT = 60.0  # A name stands this much farther off before its line crosses another
+
 _BINS = 10
 """Points of a reliability diagram, of as many frames each."""
 
@@ -101,12 +103,12 @@ def _plot(figure: Any, *at: int) -> Any:
     return axes
 
 
-def _legend_below(figure: Any, abreast: int) -> None:
+def _legend_below(figure: Any) -> None:
     """Write the names of the curves below them all, as they may lie anywhere; no more abreast than have room."""
     names = figure.axes[0].get_legend_handles_labels()
     whole = figure.figure  # of a part of one, too
     room = int(_LETTERS_PER_INCH * whole.get_figwidth()) // (max(map(len, names[1]), default=0) + _KEY_LETTERS)
-    abreast = max(1, min(abreast, room))
+    abreast = max(1, min(5 if _is_wide(figure) else 2, room))
     whole.set_figheight(whole.get_figheight() + 0.16 * max(0, -(-len(names[1]) // abreast) - 3))
     legend = figure.legend(*names, loc="outside lower center", ncols=abreast, fontsize=7, frameon=False)
     for text in legend.get_texts():
@@ -150,24 +152,24 @@ def _pooled(store: RunStore, column: Literal["overlap", "centre_error_px"]) -> d
 
 def _success(store: RunStore, figure: Any) -> None:
     axes = _plot(figure)
-    axes.set(xlabel="overlap threshold", ylabel="success rate", xlim=(0, 1), ylim=(0, 1))
+    axes.set(xlabel="overlap threshold", ylabel="success rate (share of frames)", xlim=(0, 1), ylim=(0, 1))
     for tracker, overlap in _pooled(store, "overlap").items():
         label = f"{tracker} [{score.area_under_success(overlap):.3f}]"
         style = _style(store, tracker)
         axes.plot(score.SUCCESS_THRESHOLDS, score.success_curve(overlap), label=label, markevery=4, **style)
     _write_count(axes, store)
-    _legend_below(figure, 5 if _is_wide(figure) else 2)
+    _name_curves(figure)
 
 
 def _precision(store: RunStore, figure: Any) -> None:
     axes = _plot(figure)
-    axes.set(xlabel="centre error threshold [px]", ylabel="precision", xlim=(0, 50), ylim=(0, 1))
+    axes.set(xlabel="centre error threshold [px]", ylabel="precision (share of frames)", xlim=(0, 50), ylim=(0, 1))
     for tracker, error in _pooled(store, "centre_error_px").items():
         curve = score.precision_curve(error)
         label = f"{tracker} [{curve[20]:.3f}]"
         axes.plot(score.PRECISION_THRESHOLDS_PX, curve, label=label, markevery=10, **_style(store, tracker))
     _write_count(axes, store)
-    _legend_below(figure, 5 if _is_wide(figure) else 2)
+    _name_curves(figure)
 
 
 def _reliability(store: RunStore, figure: Any) -> None:
@@ -187,7 +189,7 @@ def _reliability(store: RunStore, figure: Any) -> None:
         label = f"{tracker} [{score.roc_area(said, hit.astype(np.bool_)):.2f}]"
         axes.plot(*means.T, label=label, **_style(store, tracker))
     _write_count(axes, store)
-    _legend_below(figure, 5 if _is_wide(figure) else 2)
+    _name_curves(figure)
 
 
 def _degradation(store: RunStore, figure: Any) -> None:
@@ -217,7 +219,7 @@ def _degradation(store: RunStore, figure: Any) -> None:
     for place, label in enumerate(labels):
         axes = _plot(lower, 1, len(labels), place + 1)
         _curves(store, found.curves, label, axes)
-    _legend_below(lower, 5 if _is_wide(figure) else 2)
+    _name_curves(lower)
 
 
 def _panels(store: RunStore, curves: Sequence[Degradation], figure: Any) -> None:
@@ -231,7 +233,7 @@ def _panels(store: RunStore, curves: Sequence[Degradation], figure: Any) -> None
         _curves(store, curves, label, axes)
         if place % columns:
             axes.set(ylabel="", yticklabels=[])
-    _legend_below(figure, 5 if _is_wide(figure) else 2)
+    _name_curves(figure)
 
 
 def _curves(store: RunStore, curves: Sequence[Degradation], label: str, axes: Any) -> None:
@@ -278,12 +280,14 @@ def _cost(store: RunStore, figure: Any) -> None:
     axes.set(xscale="log", ylabel="mean overlap", ylim=(0, 1))
     axes.set_xlabel("time per frame, lower quartile [ms], logarithmic axis")
     axes.margins(x=0.2)
-    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_locator(NullLocator())
     # Other programs only ever lengthen a frame; the lower quartile is that of an idle machine as long as they leave a
     # quarter of the frames undisturbed.
     ms = dict(store.query("SELECT label, quantile_cont(ms, 0.25) FROM frames WHERE ms > 0 GROUP BY label").rows)
+    spread = [value for value in ms.values() if value > 0.0]
+    few = max(spread, default=1.0) > 30.0 * min(spread, default=1.0)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1,) if few else (1, 2, 5)))
     points: dict[str, tuple[float, float]] = {}
     for label in dict.fromkeys(result.label for result in store.results):
         own = [result for result in store.results if result.label == label]
@@ -292,25 +296,50 @@ def _cost(store: RunStore, figure: Any) -> None:
             points[label] = (ms[label], found.mean)
             style = _style(store, label)
             colour = style["color"]
-            axes.plot(*points[label], style["marker"], ms=4, color=colour)
+            axes.plot(*points[label], style["marker"], ms=4, color=colour, label=label)
             _values(axes, ms[label], found, colour)
             if not math.isnan(found.low):
                 axes.plot([ms[label]] * 2, [found.low, found.high], "-", lw=1.0, color=colour)
     _write_count(axes, store)
     if not points:
         raise ParameterError("no tracker of this run has both an overlap and a time per frame")
-    _write_names(points, {label: _style(store, label)["color"] for label in points}, axes)
+    _name_curves(figure)
 
 
-def _write_names(points: Mapping[str, tuple[float, float]], colours: Mapping[str, str], axes: Any) -> None:
-    """Write names beside their points, each at the nearest place that covers no other name, point or interval."""
+def _name_curves(figure: Any) -> None:
+    """Write each curve's name beside it in the first panel, or all below where one finds no room."""
+    axes = figure.axes[0]
+    figure.figure.draw_without_rendering()  # positions in pixels are known only then
+    handles, names = axes.get_legend_handles_labels()
+    curves = {name: axes.transData.transform(line.get_xydata()) for name, line in zip(names, handles, strict=True)}
+    points: dict[str, tuple[float, float]] = {}
+    for name, line in zip(names, handles, strict=True):
+        own = curves[name][:, None]
+        others = [curves[other] for other in names if other != name]
+        apart = np.min([np.linalg.norm(own - other, axis=2).min(axis=1) for other in others] or [[0.0]], axis=0)
+        points[name] = tuple(line.get_xydata()[int(np.argmax(np.nan_to_num(apart)))])
+    if not _write_names(points, {name: one.get_color() for name, one in zip(names, handles, strict=True)}, axes):
+        _legend_below(figure)
+
+
+def _write_names(points: Mapping[str, tuple[float, float]], colours: Mapping[str, str], axes: Any) -> bool:
+    """Write names beside their points, each at the nearest place that covers no name or line, nor has one between.
+
+    Returns:
+        Whether all have found a place; if not, none is written.
+    """
     from matplotlib.text import Text
-    from matplotlib.transforms import Bbox
 
-    axes.figure.draw_without_rendering()  # positions in pixels are known only then
-    unit = axes.figure.dpi / 72.0
-    lines = [axes.transData.transform(line.get_xydata()) for line in axes.lines]
-    taken = [Bbox([line.min(axis=0), line.max(axis=0)]).padded(3.0 * unit) for line in lines]
+    whole = axes.figure.figure
+    whole.draw_without_rendering()
+    unit = whole.dpi / 72.0
+    notes: list[Any] = []
+    drawn = np.concatenate([_along(axes.transData.transform(line.get_xydata())) for line in axes.lines])
+    taken = np.hstack([drawn - 3.0 * unit, drawn + 3.0 * unit])
+    offsets = [
+        distance * np.array([math.cos(math.radians(turn)), math.sin(math.radians(turn))])
+        for distance, turn in itertools.product(range(5, 150, 5), range(0, 360, 30))
+    ]
     for label, point in points.items():
         note = axes.annotate(
             label,
@@ -320,22 +349,44 @@ def _write_names(points: Mapping[str, tuple[float, float]], colours: Mapping[str
             ha="center",
             va="center",
             fontsize=7,
-            color=colours[label],
+            color="0.15",
             parse_math=False,
             arrowprops={"arrowstyle": "-", "lw": 0.5, "color": colours[label], "shrinkA": 1, "shrinkB": 2},
         )
         note.set_in_layout(False)
+        notes.append(note)
         half = 0.5 * np.array(Text.get_window_extent(note).size)
-        for distance, turn in itertools.product(range(5, 150, 5), range(0, 360, 30)):
-            direction = np.array([math.cos(math.radians(turn)), math.sin(math.radians(turn))])
-            offset = direction * (half + distance * unit)
-            middle = axes.transData.transform(point) + offset
-            box = Bbox([middle - half, middle + half])
-            inside = (box.min > axes.bbox.min).all() and (box.max < axes.bbox.max).all()
-            if inside and not any(box.overlaps(other) for other in taken):
-                note.set_position(offset / unit)
-                taken.append(box)
-                break
+        anchor = axes.transData.transform(point)
+        found: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
+        for offset in offsets:
+            far = float(np.linalg.norm(offset))
+            moved = offset / far * half + offset * unit
+            box = np.concatenate([anchor + moved - half, anchor + moved + half])
+            inside = (box[:2] > axes.bbox.min).all() and (box[2:] < axes.bbox.max).all()
+            if inside and not ((box[:2] < taken[:, 2:]) & (box[2:] > taken[:, :2])).all(axis=1).any():
+                leader = _along(anchor + np.array([offset, 8.0 * offset / far]) * unit)
+                crosses = bool((np.linalg.norm(leader[:, None] - drawn, axis=2) < 2.0 * unit).any())
+                found.append((far + _CROSSING_PT * crosses, moved, box, leader))
+                if not crosses:
+                    break
+        if not found:
+            for one in notes:
+                one.remove()
+            return False
+        _, moved, box, leader = min(found, key=lambda one: one[0])
+        note.set_position(moved / unit)
+        taken, drawn = np.vstack([taken, box]), np.vstack([drawn, leader])
+    return True
+
+
+def _along(line: FloatArray) -> FloatArray:
+    """`(n, 2)`: points of a line of points [px], a few pixels apart."""
+    pieces: list[FloatArray] = []
+    for start, end in itertools.pairwise(line):
+        if np.isfinite(start + end).all():
+            share = np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(end - start) / 4.0))[:, None]
+            pieces.append(start + share * (end - start))
+    return np.concatenate([line, *pieces])
 
 
 FIGURES: Mapping[str, Callable[[RunStore, Any], None]] = MappingProxyType(

@@ -56,10 +56,12 @@ def draw_strips(store: RunStore, figure: Any) -> None:
     first = episode.first_frame
     wanted = [first + index for index in _spread(int(own[0].values["episode_frames"]) - first)]
     images: list[Image] = []
+    times_s: list[float] = []
 
     def keep(step: Step) -> None:
         if step.sample.frame is not None and step.sample.frame.index in wanted:
             images.append(step.sample.image)
+            times_s.append(step.sample.time_s)
 
     draw_again(episode, [keep])
     height, width = images[0].shape[:2]
@@ -80,8 +82,8 @@ def draw_strips(store: RunStore, figure: Any) -> None:
                 x, y, w, h = boxes[index]
                 axes.plot([x, x + w, x + w, x, x], [y, y, y + h, y + h, y], line, color=colour, lw=0.8)
         row[0].set_ylabel(one.label.replace("[", "\n["), fontsize=5, parse_math=False)
-    for axes, index in zip(plots[0], wanted, strict=True):
-        axes.set_title(f"frame {index}", fontsize=6)
+    for axes, time_s in zip(plots[0], times_s, strict=True):
+        axes.set_title(f"{time_s:.1f} s", fontsize=6)
     figure.suptitle(episode.name, fontsize=7)
 
 

@@ -13,7 +13,7 @@ from pftrack_sim import report
 from pftrack_sim.benchmark import make_plan, run
 from pftrack_sim.benchmark.asked.from_names import join_plans
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
-from pftrack_sim.report.figure import _write_names
+from pftrack_sim.report.figure import _name_curves, _write_names
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.05, 0.9])
@@ -55,7 +55,7 @@ def test_axes_swept_together_are_drawn_as_maps_and_curves(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_each_axis_has_a_panel_and_all_share_one_legend(tmp_path: Path):
+def test_each_axis_has_a_panel_and_all_share_their_names(tmp_path: Path):
     small = {**SMALL, "camera.rate_hz": 10.0}
     plans = [
         make_plan(["easy/corridor"], ["ncc"], [0], axes={axis: levels}, overrides=small)
@@ -64,7 +64,7 @@ def test_each_axis_has_a_panel_and_all_share_one_legend(tmp_path: Path):
     store = run(join_plans(plans), tmp_path / "run", videos="none")
     drawn = report.write_figure(store.path, tmp_path / "axis.svg").read_text()
     assert drawn.count('<g id="axes_') == 2
-    assert drawn.count('<g id="legend_') == 1
+    assert drawn.count("<!-- stay -->") == 1  # the names stand once, in the first panel
     for words in ("noise [", "stream [", "ncc", "stay"):
         assert words in drawn
 
@@ -74,3 +74,33 @@ def test_unknown_figures_are_errors(finished: Path, tmp_path: Path):
         report.write_figure(finished, tmp_path / "succes.pdf")
     with pytest.raises(ParameterError, match=r"\.pdf, \.svg or \.png"):
         report.write_figure(finished, tmp_path / "success.gif")
+
+
+def test_curves_are_named_beside_them_where_there_is_room():
+    figure = Figure(figsize=(4.6, 3.2), layout="constrained")
+    axes = figure.add_subplot()
+    x = np.linspace(0.0, 1.0, 30)
+    for name, y in {"one": 0.9 - 0.2 * x, "two": 0.3 + 0.1 * x}.items():
+        axes.plot(x, y, label=name)
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    _name_curves(figure)
+    named = {one.get_text(): one for one in axes.texts if isinstance(one, Annotation)}
+    assert list(named) == ["one", "two"]
+    assert not figure.legends
+    for name, y in {"one": 0.9 - 0.2 * x, "two": 0.3 + 0.1 * x}.items():
+        assert abs(named[name].xy[1] - np.interp(named[name].xy[0], x, y)) < 1e-9
+        inside = Text.get_window_extent(named[name])
+        for other in (0.9 - 0.2 * x, 0.3 + 0.1 * x):
+            points = axes.transData.transform(np.column_stack([x, other]))
+            assert not any(inside.contains(*point) for point in points)
+
+
+def test_many_curves_are_named_below():
+    figure = Figure(figsize=(3.5, 2.6), layout="constrained")
+    axes = figure.add_subplot()
+    for k in range(25):
+        axes.plot([0.0, 1.0], [0.04 * k, 1.0 - 0.04 * k], label=f"a-long-name-{k}")
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    _name_curves(figure)
+    assert not axes.texts
+    assert len(figure.legends[0].get_texts()) == 25
