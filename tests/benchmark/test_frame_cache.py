@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from pftrack_sim.benchmark import RunStore, run
-from pftrack_sim.benchmark.running import frame_cache
+from pftrack_sim.benchmark.running import episode, frame_cache
 from pftrack_sim.benchmark.running.frame_cache import EntryWriter, FrameCache
 from pftrack_sim.benchmark.running.rollout import rollout, simulated
 from pftrack_sim.benchmark.running.sinks import TruthLog
@@ -28,7 +28,13 @@ def test_a_second_run_takes_the_frames_from_the_cache_until_they_are_damaged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     cache = FrameCache(tmp_path / "cache", 10**9)
+    pictures: list[bytes] = []
+    picture = episode.picture
+    monkeypatch.setattr(
+        episode, "picture", lambda *a, **k: (shown := picture(*a, **k), pictures.append(shown.tobytes()))[0]
+    )
     drawn = run(PLAN, tmp_path / "drawn", videos="first").path
+    filmed = list(pictures)
     run(PLAN, tmp_path / "filling", videos="none", cache=cache)
     (entry,) = (tmp_path / "cache").iterdir()
     assert cache.size_bytes > 4 * 72 * 96 * 3
@@ -40,8 +46,9 @@ def test_a_second_run_takes_the_frames_from_the_cache_until_they_are_damaged(
     assert contents(cached) == contents(drawn)
     frames = "SELECT * EXCLUDE (ms) FROM frames ORDER BY label, frame"
     assert str(RunStore(cached).query(frames)) == str(RunStore(drawn).query(frames))
-    video = f"videos/{PLAN.episode(0).path}.mp4"
-    assert (cached / video).read_bytes() == (drawn / video).read_bytes()
+    # Not the files: x264 encodes one video in a hundred otherwise, of the same pictures.
+    assert filmed
+    assert pictures == 2 * filmed
     for name, place in (("frames.raw", 3000), ("truth.npz", 60)):
         content = bytearray((entry / name).read_bytes())
         content[place] ^= 255
