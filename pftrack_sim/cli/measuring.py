@@ -1,4 +1,4 @@
-"""The command that measures a robot's own video."""
+"""The command that measures a robot's own video or inertial sensor."""
 
 from __future__ import annotations
 
@@ -9,10 +9,16 @@ import typer
 
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.progress import progress_bar
+from pftrack_sim.core.errors import ParameterError
 
 
 def measure(
-    material: Annotated[Path, typer.Argument(help="Video, or folder of a recorded sequence or of numbered images.")],
+    material: Annotated[
+        Path,
+        typer.Argument(
+            help="Video; folder of a recorded sequence or of numbered images; CSV or ROS 2 bag of an inertial sensor."
+        ),
+    ],
     calibration: Annotated[Path | None, typer.Option(help="Calibration of the camera: YAML of ROS or OpenCV.")] = None,
     fovy_deg: Annotated[
         float | None, typer.Option(min=5.0, max=130.0, help="Vertical field of view, where there is no calibration.")
@@ -20,22 +26,31 @@ def measure(
     rate_hz: Annotated[
         float | None, typer.Option(min=1.0, max=1000.0, help="Frames per second, against what the file tells.")
     ] = None,
+    topic: Annotated[str | None, typer.Option(help="Of a bag with several inertial sensors.")] = None,
     out: Annotated[Path | None, typer.Option(help="TOML to write: a scenario takes it with extends.")] = None,
 ) -> None:
-    """Measure how much a robot's own video shakes.
+    """Measure how much a robot shakes, from its own video or inertial sensor.
 
-    Each number is in the units of the stress axes, with a 95 % interval; what the video does not tell is left out, with
-    the reason.
+    Each number is in the units of the stress axes, with a 95 % interval; what the material does not tell is left out,
+    with the reason.
     """
     from pftrack_sim.benchmark.kept.files import write_bytes
+    from pftrack_sim.measuring.imu import measure_imu
+    from pftrack_sim.measuring.imu_log import is_imu, read_imu
     from pftrack_sim.measuring.material import read_material
     from pftrack_sim.measuring.measured import as_toml
     from pftrack_sim.measuring.video import measure_video
     from pftrack_sim.report.tables import Table
 
-    frames = read_material(material, rate_hz)
-    with progress_bar("measuring", len(frames.images)) as tick:
-        found = measure_video(frames, fovy_deg, calibration, on_frame=tick)
+    given = {"--calibration": calibration, "--fovy-deg": fovy_deg, "--rate-hz": rate_hz}
+    if is_imu(material):
+        if wrong := [name for name, value in given.items() if value is not None]:
+            raise ParameterError(f"{wrong[0]} is of a camera, and {material} is a log of an inertial sensor")
+        found = measure_imu(read_imu(material, topic))
+    else:
+        frames = read_material(material, rate_hz)
+        with progress_bar("measuring", len(frames.images)) as tick:
+            found = measure_video(frames, fovy_deg, calibration, on_frame=tick)
     rows = [
         [one.name, f"{one.value:.3g}", "exact" if one.low == one.high else f"{one.low:.3g} to {one.high:.3g}", one.unit,
          str(one.frames)]

@@ -23,6 +23,7 @@ from pftrack_sim.core.image_files import check_pixels
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.ros2_messages import HALF_PIXEL, type_store
 from pftrack_sim.core.text import one_line
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats.files import present_boxes
 from pftrack_sim.formats.images import ImageStream, decoded_image
 from pftrack_sim.formats.sequence import RecordedSequence
@@ -30,6 +31,7 @@ from pftrack_sim.formats.sequence import RecordedSequence
 _SUFFIXES = (".mcap", ".db3")
 _IMAGES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
 _BOXES = ("vision_msgs/msg/Detection2DArray",)
+_IMU = ("sensor_msgs/msg/Imu",)
 _TRUTH, _TARGET = "/truth", "target"
 _CHANNELS = {"rgb8": 3, "bgr8": 3, "mono8": 1}
 
@@ -69,6 +71,27 @@ def read(path: Path, topics: Sequence[str] = ()) -> RecordedSequence:
     bag_images = ImageStream(path, len(received), lambda index: _images(path, images, times_ns, index))
     sequence = RecordedSequence.checked(path, given, bag_images, present_boxes(truth), rate_hz)
     return replace(sequence, name=path.stem)
+
+
+def read_imu(path: Path, topics: Sequence[str] = ()) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Samples of an inertial sensor: `(N,)` stamps [s], `(N, 3)` turn rates [rad/s] and accelerations [m/s^2] or None.
+
+    Raises:
+        RunError: The library is missing.
+        SequenceError: As `read`; there are no messages `sensor_msgs/Imu`.
+    """
+    with _opened(path) as bag:
+        topic = _chosen(path, {one.topic: one.msgtype for one in bag.connections}, _IMU, topics, "IMU")
+        messages = [message for _, message in _messages(bag, topic)]
+    if not messages:
+        raise SequenceError(f"{path}: no message on {topic}")
+    first = _stamp(messages[0])
+    turns, found = (
+        np.array([[one.x, one.y, one.z] for one in vectors])
+        for vectors in zip(*((one.angular_velocity, one.linear_acceleration) for one in messages), strict=True)
+    )
+    known = messages[0].linear_acceleration_covariance[0] != -1.0  # -1: there is no such sensor
+    return 1e-9 * np.array([_stamp(one) - first for one in messages]), turns, found if known else None
 
 
 @contextlib.contextmanager

@@ -74,6 +74,7 @@ class _Log:
             found = [] if estimate is None else [_detection(image, "target", estimate.box, estimate.confidence)]
             write(topic, "vision_msgs/Detection2DArray", {"header": image, "detections": found})
         write("/odom", "nav_msgs/Odometry", _odometry(header("odom"), log.proprio))
+        write("/imu", "sensor_msgs/Imu", _imu(header("base_footprint"), log.proprio))
         write("/scan", "sensor_msgs/LaserScan", _scan(header("range_finder"), log.proprio, 1.0 / self._info.rate_hz))
         world = header("world")
         transforms = [
@@ -161,6 +162,23 @@ def _odometry(header: _Message, proprio: FloatArray) -> _Message:
     forward = 0.5 * (values["wheel_left_m_s"] + values["wheel_right_m_s"])
     twist = {"twist": _twist(forward, values["gyro_z_rad_s"]), "covariance": _ZEROS_36}
     return {"header": header, "child_frame_id": "base_footprint", "pose": _pose(*_planar(pose)), "twist": twist}
+
+
+def _imu(header: _Message, proprio: FloatArray) -> _Message:
+    turns, accelerations = (
+        _vector([proprio[PROPRIO_INDEX[name.format(axis)]] for axis in "xyz"])
+        for name in ("gyro_{}_rad_s", "accelerometer_{}_m_s2")
+    )
+    unknown = [-1.0, *[0.0] * 8]  # there is no orientation
+    return {
+        "header": header,
+        "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+        "orientation_covariance": unknown,
+        "angular_velocity": turns,
+        "angular_velocity_covariance": [0.0] * 9,
+        "linear_acceleration": accelerations,
+        "linear_acceleration_covariance": [0.0] * 9,
+    }
 
 
 def _scan(header: _Message, proprio: FloatArray, period_s: float) -> _Message:

@@ -35,16 +35,19 @@ def cuts(steps: Sequence[Step]) -> list[int]:
 
 def stretches(steps: Sequence[Step], times_s: FloatArray) -> list[slice]:
     """Steps between cuts, and between longer gaps in what is known; each at least 4 s long."""
-    cut = set(cuts(steps))
-    usual = float(np.median(np.diff(times_s)))
-    ends = [-1]
-    unknown = 0
+    ends, unknown = set(cuts(steps)), 0
     for index, one in enumerate(steps):
         unknown = 0 if one.known else unknown + 1
-        if index in cut or unknown > _MOST_UNKNOWN or times_s[index + 1] - times_s[index] > _MOST_UNKNOWN * usual:
-            ends.append(index)
-    ends.append(len(steps))
-    found = (slice(first + 1, last) for first, last in itertools.pairwise(ends))
+        if unknown > _MOST_UNKNOWN:
+            ends.add(index)
+    return stretches_between(ends, times_s)
+
+
+def stretches_between(ends: set[int], times_s: FloatArray) -> list[slice]:
+    """Steps that lie between the steps `ends`, and between longer gaps of the times `(N,)`; each at least 4 s long."""
+    lasts = np.diff(times_s)
+    ends = ends | set(np.flatnonzero(lasts > _MOST_UNKNOWN * float(np.median(lasts))).tolist())
+    found = (slice(first + 1, last) for first, last in itertools.pairwise(sorted({-1, *ends, len(lasts)})))
     return [one for one in found if one.stop > one.start and times_s[one.stop] - times_s[one.start] >= LEAST_S]
 
 
@@ -88,8 +91,10 @@ def measure_jitter(steps: Sequence[Step], times_s: FloatArray, systematic: Syste
     # Where one half has too few corners, both take the rotation of the whole.
     both = np.isfinite(halves).all(axis=(1, 2))
     halves[~both] = rotation[~both, None]
-    turns = [[_even(halves[own, half], times_s[own.start : own.stop + 1], usual) for own in known] for half in range(2)]
-    found = spectrum_of_turns(turns[0], turns[1], 1.0 / usual)
+    first, second = (
+        [evened(halves[own, half], times_s[own.start : own.stop + 1], usual) for own in known] for half in range(2)
+    )
+    found = spectrum_of_turns(first, second, 1.0 / usual)
     frames = sum(own.stop - own.start for own in known)
     return jitter_quantities(found, frames, systematic)
 
@@ -115,7 +120,7 @@ def jitter_quantities(found: Spectrum, frames: int, systematic: Systematic) -> l
     return quantities
 
 
-def _even(turns: FloatArray, times_s: FloatArray, step_s: float) -> FloatArray:
+def evened(turns: FloatArray, times_s: FloatArray, step_s: float) -> FloatArray:
     """Turns between evenly spaced instants, from the angle through what is known of it (cubic spline)."""
     lasts = np.diff(times_s)[:, None]
     rates, good = turns / lasts, np.isfinite(turns[:, 0])

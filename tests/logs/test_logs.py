@@ -89,6 +89,7 @@ def test_every_topic_has_its_type_and_a_message_per_frame(bag: Path):
         "/trackers/stay": "vision_msgs/msg/Detection2DArray",
         "/trackers/ko2012_alpha_0_3": "vision_msgs/msg/Detection2DArray",
         "/odom": "nav_msgs/msg/Odometry",
+        "/imu": "sensor_msgs/msg/Imu",
         "/scan": "sensor_msgs/msg/LaserScan",
         "/tf": "tf2_msgs/msg/TFMessage",
         "/cmd_vel": "geometry_msgs/msg/Twist",
@@ -115,6 +116,9 @@ def test_messages_hold_the_values_in_ros_conventions(bag: Path, frames: list[Log
     assert abs(scan.angle_min + (len(scan.ranges) - 1) * scan.angle_increment - scan.angle_max) < 1e-6
     assert (scan.ranges[0], scan.ranges[-1]) == (1.0, math.inf)
     odometry, proprio = found["/odom"][3], frames[3].proprio
+    assert found["/imu"][3].angular_velocity.z == proprio[PROPRIO_INDEX["gyro_z_rad_s"]]
+    assert found["/imu"][3].linear_acceleration.x == proprio[PROPRIO_INDEX["accelerometer_x_m_s2"]]
+    assert found["/imu"][3].orientation_covariance[0] == -1.0
     position = odometry.pose.pose.position
     assert [position.x, position.y] == proprio[:2].tolist()
     heading = 2.0 * math.atan2(odometry.pose.pose.orientation.z, odometry.pose.pose.orientation.w)

@@ -1,7 +1,7 @@
-"""Videos rendered at known levels, measured back.
+"""Videos and logs of inertial sensors at known levels, measured back.
 
-`python tests/measuring/closed_circle.py` prints the table of the page of measuring: for each kind of video how often
-the interval of each level holds it.
+`python tests/measuring/closed_circle.py [NAMES]` prints the tables of the page of measuring: for each kind of material
+how often the interval of each level holds it. Names: jitter, light, imu; all without any.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import itertools
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,8 @@ from pftrack_sim import scenario
 from pftrack_sim.benchmark.running.rollout import Step, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import video_writer
 from pftrack_sim.camera.trajectory import log_so3
+from pftrack_sim.measuring.imu import measure_imu
+from pftrack_sim.measuring.imu_log import read_imu
 from pftrack_sim.measuring.jitter import ABOVE_HZ
 from pftrack_sim.measuring.material import read_material
 from pftrack_sim.measuring.measured import Measured
@@ -28,6 +29,8 @@ from pftrack_sim.measuring.spectrum import rms_above, spectrum_of_turns
 from pftrack_sim.measuring.video import measure_video
 from pftrack_sim.simulation.simulation import Simulation
 
+IMU_HZ = 200.0
+LEVELS_DEG = (0.05, 0.2, 0.8, 2.5)
 PLACES = ("corridor", "warehouse", "plaza-walk", "park", "hall")
 SMALL = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 25.0, "camera.fovy_deg": 50.0}
 STILL = {"robot.route": {"kind": "still"}, "robot.gaze": "forward", "jitter.angular_rms_deg": 0.0}
@@ -39,59 +42,77 @@ def shaking(rms_deg: float, seconds: float = 8.0, **more: Any) -> dict[str, Any]
     return {**SMALL, "axes.jitter": axis, "duration_s": seconds, **more}
 
 
-@dataclass(frozen=True, eq=False)
-class Rendered:
-    """What was rendered.
-
-    Attributes:
-        true_deg: RMS of the camera's pitch and roll above 1 Hz, by its true poses.
-    """
-
-    found: Measured
-    true_deg: float
-
-    def holds(self, name: str, level: float) -> bool | None:
-        """Whether the interval of a quantity holds a level; None if the quantity was left out."""
-        one = next((one for one in self.found.quantities if one.name == name), None)
-        return None if one is None else one.low <= level <= one.high
-
-    def interval(self, name: str) -> list[float]:
-        """Value and ends of a quantity."""
-        return [
-            round(x, 4) for one in self.found.quantities if one.name == name for x in (one.value, one.low, one.high)
-        ]
-
-    def value(self, name: str) -> float:
-        return next((one.value for one in self.found.quantities if one.name == name), float("nan"))
-
-
-def measured_back(place: str, seed: int, settings: Mapping[str, Any], *, crf: int | None, folder: Path) -> Rendered:
-    """Render an episode as images without loss, or as H.264 of a rate factor, and measure it."""
-    loaded = scenario.load(place, dict(settings))
+def poses_of(place: str, seed: int, settings: Mapping[str, Any], add: Any = None) -> np.ndarray:
+    """`(N, 4, 4)` poses of the camera in an episode, whose images are handed to `add` with their times."""
     poses: list[np.ndarray] = []
-    path = folder / ("video.mp4" if crf is not None else "images")
 
-    def run(add: Any) -> None:
-        def sink(step: Step) -> None:
-            sample = step.sample
-            assert sample.frame is not None
-            poses.append(sample.frame.truth.T_world_camera[:3, :3])
+    def sink(step: Step) -> None:
+        sample = step.sample
+        assert sample.frame is not None
+        poses.append(sample.frame.truth.T_world_camera)
+        if add is not None:
             add(sample.image, sample.time_s)
 
-        with Simulation(loaded) as simulation:
-            rollout(simulated(simulation, seed), [], [sink])
+    with Simulation(scenario.load(place, dict(settings)), image=add is not None) as simulation:
+        rollout(simulated(simulation, seed), [], [sink])
+    return np.array(poses)
 
-    rate = loaded.resolve(seed).camera.rate_hz
+
+def turns_of(poses: np.ndarray) -> np.ndarray:
+    """`(N - 1, 3)` rotation vectors between successive poses, in the camera's axes."""
+    return log_so3(np.swapaxes(poses[:-1, :3, :3], 1, 2) @ poses[1:, :3, :3])
+
+
+def true_rms_deg(poses: np.ndarray, rate_hz: float) -> float:
+    """RMS of pitch and roll above 1 Hz."""
+    return rms_above(spectrum_of_turns([turns_of(poses)], [turns_of(poses)], rate_hz), ABOVE_HZ)[0].value
+
+
+def measured_back(
+    place: str, seed: int, settings: Mapping[str, Any], *, crf: int | None, folder: Path
+) -> tuple[Measured, float]:
+    """Render an episode as images without loss, or as H.264 of a rate factor, and measure it; its true shake, too."""
+    path = folder / ("video.mp4" if crf is not None else "images")
+    rate = scenario.load(place, dict(settings)).resolve(seed).camera.rate_hz
     if crf is not None:
         with video_writer(path, rate, crf) as add:
-            run(add)
+            poses = poses_of(place, seed, settings, add)
     else:
         path.mkdir()
-        run(lambda image, time_s: cv2.imwrite(str(path / f"{round(time_s * rate) + 1:06}.png"), image[:, :, ::-1]))
-    turns = log_so3(np.swapaxes(poses[:-1], 1, 2) @ np.array(poses[1:]))
-    true = rms_above(spectrum_of_turns([turns], [turns], rate), ABOVE_HZ)[0].value
+
+        def write(image: np.ndarray, time_s: float) -> None:
+            cv2.imwrite(str(path / f"{round(time_s * rate) + 1:06}.png"), image[:, :, ::-1])
+
+        poses = poses_of(place, seed, settings, write)
     found = measure_video(read_material(path, rate if crf is None else None), fovy_deg=50.0)
-    return Rendered(found, true)
+    return found, true_rms_deg(poses, rate)
+
+
+def write_imu(path: Path, poses: np.ndarray, seed: int, *, accelerometer: bool = True) -> Path:
+    """What a sensor at the camera measures at 200 Hz, in EuRoC's columns.
+
+    Errors are those of sensors in phones: 1 % of sensitivity, a bias of 0.7 deg/s, 0.1 deg/s of noise, 16 bits for
+    500 deg/s; 0.05 and 0.02 m/s^2 of the accelerometer.
+    """
+    rng = np.random.default_rng(seed)
+    turns, rotation, place = turns_of(poses), poses[1:-1, :3, :3], poses[:, :3, 3]
+    rates = np.degrees(0.5 * (turns[1:] + turns[:-1]) * IMU_HZ) * (1.0 + rng.normal(0.0, 0.01, 3))
+    rates = np.rint((rates + rng.normal(0.0, 0.7, 3) + rng.normal(0.0, 0.1, rates.shape)) / 500.0 * 2**15)
+    felt = (place[2:] - 2.0 * place[1:-1] + place[:-2]) * IMU_HZ**2 + np.array([0.0, 0.0, 9.81])
+    felt = np.einsum("nji,nj->ni", rotation, felt) + rng.normal(0.0, 0.05, 3) + rng.normal(0.0, 0.02, rates.shape)
+    heads = ["#timestamp [ns]", *(f"w_RS_S_{axis} [rad s^-1]" for axis in "xyz")]
+    columns = [np.arange(len(rates)) * 1e9 / IMU_HZ + 1.7e18, *np.radians(rates * 500.0 / 2**15).T]
+    if accelerometer:
+        heads, columns = [*heads, *(f"a_RS_S_{axis} [m s^-2]" for axis in "xyz")], [*columns, *felt.T]
+    formats = ["%.0f", *["%.9g"] * (len(heads) - 1)]
+    np.savetxt(path, np.column_stack(columns), formats, ",", header=",".join(heads), comments="")
+    return path
+
+
+def level_of(found: Measured, name: str, wanted: float) -> tuple[float, bool | None]:
+    """Measured over true, and whether the interval holds the true level; None where it was left out."""
+    one = next((one for one in found.quantities if one.name == name), None)
+    return (np.nan, None) if one is None else (one.value / wanted, one.low <= wanted <= one.high)
 
 
 KINDS: Sequence[tuple[str, Mapping[str, Any], int | None]] = (
@@ -101,39 +122,57 @@ KINDS: Sequence[tuple[str, Mapping[str, Any], int | None]] = (
 )
 
 
-def main(repeats: int) -> None:
-    """Print a row for each kind of video and level."""
-    print("| video | shake [deg RMS] | measured / true, mean | held |\n| --- | --- | --- | --- |")  # noqa: T201
+def row(title: str, level: str, rows: Sequence[tuple[float, bool | None]]) -> None:
+    """Print a row of the table."""
+    held = sum(one is True for _, one in rows)
+    print(f"| {title} | {level} | {np.nanmean([ratio for ratio, _ in rows]):.3f} | {held} of {len(rows)} |", flush=True)  # noqa: T201
+
+
+def jitter() -> None:
+    """Shake from videos."""
     seeds = itertools.count()  # a seed's shake is the same in all places
     for title, more, crf in KINDS:
-        for level in (0.05, 0.2, 0.8, 2.5):
+        for level in LEVELS_DEG:
             rows: list[tuple[float, bool | None]] = []
             for place in PLACES:
-                for seed in itertools.islice(seeds, repeats):
-                    with tempfile.TemporaryDirectory() as folder:
-                        one = measured_back(place, seed, shaking(level, **more), crf=crf, folder=Path(folder))
-                    wanted = level if more else one.true_deg
-                    rows.append((one.value("jitter") / wanted, one.holds("jitter", wanted)))
-                    words = [place, seed, round(one.true_deg, 4), *one.interval("jitter")]
-                    print(title, level, *words, file=sys.stderr, flush=True)  # noqa: T201
-            shares = [ratio for ratio, held in rows if held is not None]
-            held = f"{sum(held is True for _, held in rows)} of {len(rows)}"
-            print(f"| {title} | {level} | {np.mean(shares):.3f} | {held} |", flush=True)  # noqa: T201
+                with tempfile.TemporaryDirectory() as folder:
+                    settings = shaking(level, **more)
+                    found, true = measured_back(place, next(seeds), settings, crf=crf, folder=Path(folder))
+                rows.append(level_of(found, "jitter", level if more else true))
+            row(title, f"{level} deg RMS", rows)
 
+
+def light() -> None:
+    """Changes of the light."""
+    seeds = itertools.count(60)
     for ev in (0.5, 1.0, 2.0):
         axis = {"parts": ["change"], "dim_ev": ev, "auto_exposure": False, "at_s": 2.5, "severity": 1.0}
         settings = {**SMALL, **STILL, "duration_s": 5.0, "lights.schedule": [], "axes.light": axis}
-        found: list[tuple[float, bool | None]] = []
+        rows: list[tuple[float, bool | None]] = []
         for place in PLACES[:4]:  # not every seed of the hall can be planned
-            for seed in itertools.islice(seeds, repeats):
+            with tempfile.TemporaryDirectory() as folder:
+                found, _ = measured_back(place, next(seeds), settings, crf=None, folder=Path(folder))
+            rows.append(level_of(found, "change of light", ev))
+        row("robot stands, PNG", f"light falls by {ev} EV", rows)
+
+
+def imu() -> None:
+    """Shake from logs of an inertial sensor at the camera."""
+    for accelerometer, (title, more) in itertools.product((True, False), (("stands", STILL), ("drives", {}))):
+        seeds = itertools.count(100)
+        for level in LEVELS_DEG:
+            rows: list[tuple[float, bool | None]] = []
+            for place in PLACES:
+                poses = poses_of(place, seed := next(seeds), shaking(level, **{**more, "camera.rate_hz": IMU_HZ}))
                 with tempfile.TemporaryDirectory() as folder:
-                    one = measured_back(place, seed, settings, crf=None, folder=Path(folder))
-                found.append((one.value("change of light") / ev, one.holds("change of light", ev)))
-                print("light", ev, place, seed, *one.interval("change of light"), file=sys.stderr, flush=True)  # noqa: T201
-        held = f"{sum(held is True for _, held in found)} of {len(found)}"
-        mean = np.nanmean([ratio for ratio, _ in found])
-        print(f"| robot stands, PNG | light falls by {ev} EV | {mean:.2f} | {held} |", flush=True)  # noqa: T201
+                    file = write_imu(Path(folder) / "imu.csv", poses, seed, accelerometer=accelerometer)
+                    found = measure_imu(read_imu(file))
+                rows.append(level_of(found, "jitter", level if more else true_rms_deg(poses, IMU_HZ)))
+            row(f"robot {title}, gyroscope{' and accelerometer' * accelerometer}", f"{level} deg RMS", rows)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if sys.argv[1:] else 1)
+    print("| material | level | measured / true, mean | held |\n| --- | --- | --- | --- |")  # noqa: T201
+    for name, circle in {"jitter": jitter, "light": light, "imu": imu}.items():
+        if name in (sys.argv[1:] or [name]):
+            circle()

@@ -35,11 +35,13 @@ def turned(image: np.ndarray, rotation_rad: np.ndarray) -> np.ndarray:
     return cv2.warpPerspective(image, to_picture, (WIDTH, HEIGHT), flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP)
 
 
-def shake(frames: int, rms_deg: float, low: float = 2.0, high: float = 8.0, seed: int = 0) -> np.ndarray:
+def shake(
+    frames: int, rms_deg: float, low: float = 2.0, high: float = 8.0, seed: int = 0, rate_hz: float = RATE_HZ
+) -> np.ndarray:
     """`(N, 3)` angles [rad]: sums of 40 cosines."""
     rng = np.random.default_rng(seed)
     hz, phase = rng.uniform(low, high, (3, 40)), rng.uniform(0.0, 2.0 * np.pi, (3, 40))
-    time_s = np.arange(frames)[:, None, None] / RATE_HZ
+    time_s = np.arange(frames)[:, None, None] / rate_hz
     angles = np.cos(2.0 * np.pi * hz * time_s + phase).sum(axis=-1)
     return np.radians(rms_deg) * angles / np.sqrt((angles**2).mean(axis=0))
 
