@@ -109,7 +109,7 @@ def _render(title: str, data: Mapping[str, Any], several: bool, **values: Any) -
     }
     return render(
         "report",
-        [plotly.offline.get_plotlyjs(), "report.js", "viewer.js", "drives.js"],
+        ["report.js", "viewer.js", "drives.js", plotly.offline.get_plotlyjs(), "drawn.js"],
         title=title,
         has_drives=bool(data["drives"]),
         of_run=data["unit"] == "seed",

@@ -16,6 +16,14 @@ CENTRE_OF_FRAME = """frame => {
 }"""
 
 
+SHIFTED = """() => new Promise((done) => {
+    let sum = 0;
+    const seen = new PerformanceObserver((list) => { for (const one of list.getEntries()) sum += one.value; });
+    seen.observe({ type: 'layout-shift', buffered: true });
+    setTimeout(() => done(sum), 300);
+})"""
+
+
 LABELS = """name => {
     const shown = [...document.querySelectorAll(`#${name} .annotation-text`)];
     const boxes = shown.map((one) => one.getBoundingClientRect()), order = [...shown.keys()];
@@ -53,6 +61,13 @@ def test_it_opens_from_disk_and_ranks(opened: Any):
     assert "first box" in opened.locator("#board th", has_text="stay").first.get_attribute("title")
     assert opened.locator("#axes .plot").count() == 1
     assert opened.locator(".strip img").count() >= 5
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_moves_while_it_loads(show: Callable[..., Any], finished: Path, width: int):
+    page = show(report.write_report(finished), width)
+    until(page, "document.getElementById('video').readyState >= 1")
+    assert page.evaluate(SHIFTED) < 0.01
 
 
 def test_intervals_are_those_of_the_tables(opened: Any):

@@ -54,7 +54,7 @@ function drawDrive() {
   told.replaceChildren(element("li", one.ending), ...one.lost.map((loss) => element("li", loss.why)));
   const video = byId("drive-video"), slider = byId("drive-time");
   video.hidden = !one.video;
-  if (one.video) { video.src = linked(one.video); } else { video.removeAttribute("src"); }
+  show(video, one.video && linked(one.video));
   slider.max = one.time[one.time.length - 1];
   showAt(0);
 }
@@ -65,7 +65,7 @@ function showAt(seconds) {
   byId("drive-clock").textContent = `${seconds.toFixed(1)} s`;
   Plotly.restyle("drive-map", { x: [view.x, [one.robot[0][k]], [one.target[0][k]]], y: [view.y, [one.robot[1][k]], [one.target[1][k]]] }, [0, 3, 4]);
   for (const id of ["drive-distance", "drive-bearing"]) {
-    const last = byId(id).layout.shapes.length - 1;
+    const last = (byId(id).layout?.shapes.length ?? 0) - 1;
     Plotly.relayout(id, { [`shapes[${last}].x0`]: seconds, [`shapes[${last}].x1`]: seconds });
   }
 }
@@ -96,4 +96,3 @@ if (DRIVES.length) {
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawDrive);
   drawDrive();
 }
-document.body.dataset.ready = "yes";

@@ -1,5 +1,8 @@
 "use strict";
 // Names come from third-party code: they reach the page as text, and Plotly, which reads a little HTML in labels, only escaped.
+// The page is filled before Plotly is read: until then plots only take their room, and nothing moves when they are drawn.
+const takeRoom = (plot, _, { height }) => { (plot.style ? plot : byId(plot)).style.minHeight = height ? `${height}px` : ""; };
+window.Plotly = { react: takeRoom, newPlot: takeRoom, restyle() {}, relayout() {} };
 const DATA = JSON.parse(document.getElementById("data").textContent);
 const byId = (id) => document.getElementById(id);
 const escaped = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
@@ -227,6 +230,7 @@ function look(tracker) {
 }
 
 function onClick(plot, act) {
+  if (!plot.on) return; // not drawn yet
   plot.removeAllListeners("plotly_click");
   plot.on("plotly_click", (event) => act(event.points[0]));
 }

@@ -21,7 +21,12 @@ function drawEpisode() {
   onClick(byId("overlap"), ({ x }) => { video.pause(); seek(frameAt(x + 1e-4)); });
   video.hidden = !episode.video;
   byId("film-note").textContent = episode.video || DATA.unit !== "seed" ? "" : "No video of this episode: the same command with --videos all films every episode into this folder.";
-  if (episode.video) { video.src = `${linked(episode.video)}#t=0.01`; } else { video.removeAttribute("src"); }
+  show(video, episode.video && `${linked(episode.video)}#t=0.01`);
+}
+
+// Show a video, or none; one that is shown already goes on.
+function show(video, source) {
+  if (!source) video.removeAttribute("src"); else if (video.getAttribute("src") !== source) video.src = source;
 }
 
 // Frames per second of the video shown: as recorded, or from its length and the number of frames.
