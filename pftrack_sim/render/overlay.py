@@ -7,7 +7,7 @@ its box is dashed while it reports the target as occluded, and that of `stay` al
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -26,7 +26,7 @@ _SHADE: Colour = (20, 20, 20)
 _PANEL_OPACITY = 0.62
 _MAX_PARTICLES = 400
 _MIN_LABEL_HEIGHT_PX = 200  # Lower images have no room for the names of other people
-_MAX_PANEL = 0.08  # Share of the image for the legend; where it would cover more, only the overlaps are written
+_MAX_PANEL = 0.08  # Share of the image for the legend
 # Corners of markers within [-1, 1]; a circle has 12.
 _MARKERS = {
     "circle": np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)]),
@@ -183,37 +183,70 @@ class _Canvas:
                 self._write(person.name, x + 1, y, _GREY, size)
 
     def legend(self, truth: Box | None, estimates: Mapping[str, Estimate]) -> None:
-        """Top left: each tracker's colour, name and overlap with the truth; in small images only the overlaps."""
-        pad, text, swatch = self._pad_px, self._text_px, 2 * self._text_px
-        overlaps = {name: f"{boxes.iou(one.box, truth):.2f}" if truth is not None else "-"
+        """Top left: each tracker's colour, name and overlap with the truth.
+
+        Where that has no room, only the overlaps, in one line; of more trackers the first by name, and how many more.
+        """
+        pad, text = self._pad_px, self._text_px
+        overlaps = {name: boxes.iou(one.box, truth) if truth is not None else math.nan
                     for name, one in estimates.items()}  # fmt: skip
-        name_width = max(_text_width(name, text) for name in ("truth", *estimates))
-        number_width = _text_width("0.00", text) + pad
-        panel_width = swatch + name_width + (number_width if estimates else 0) + 4 * pad
-        panel_height = (1 + len(estimates)) * self._row_px + pad
-        if panel_width * panel_height > _MAX_PANEL * self.width * self.height:
-            columns = max(1, (self.width - pad) // number_width)
-            rows = -(-len(estimates) // columns)
-            self._darken(0, 0, min(len(estimates), columns) * number_width + pad, rows * self._row_px + pad // 2)
-            for place, (name, overlap) in enumerate(overlaps.items()):
-                row, at = divmod(place, columns)
-                self._write(
-                    overlap, at * number_width + pad, (row + 1) * self._row_px - pad // 3, self._ink(name), text
-                )
+        if self._panel_width(estimates) * self._panel_height(1 + len(estimates)) <= self._room:
+            self._named(overlaps, estimates, truth=True)
             return
-        self._darken(0, 0, panel_width, panel_height)
+        number_width = _text_width("0.00", text) + pad
+        if len(estimates) * number_width + pad <= self.width:
+            self._darken(0, 0, len(estimates) * number_width + pad, self._row_px + pad // 2)
+            for at, (name, overlap) in enumerate(overlaps.items()):
+                self._write(_number(overlap), at * number_width + pad, self._row_px - pad // 3, self._ink(name), text)
+            return
+        names = list(estimates)
+        shown = names[:1]
+        while self._panel_width(names[: len(shown) + 1]) * self._panel_height(len(shown) + 2) <= self._room:
+            shown = names[: len(shown) + 1]
+        rest = [overlaps[name] for name in names[len(shown) :]]
+        between = f": {min(rest):.2f} to {max(rest):.2f}" if truth is not None else ""
+        self._named({name: overlaps[name] for name in shown}, estimates, more=f"and {len(rest)} more{between}")
+
+    @property
+    def _room(self) -> float:
+        return _MAX_PANEL * self.width * self.height
+
+    def _panel_width(self, names: Iterable[str]) -> int:
+        """Of a legend with these names."""
+        widest = max(_text_width(name, self._text_px) for name in ("truth", *names))
+        number = _text_width("0.00", self._text_px) + self._pad_px if names else 0
+        return 2 * self._text_px + widest + number + 4 * self._pad_px
+
+    def _panel_height(self, rows: int) -> int:
+        return rows * self._row_px + self._pad_px
+
+    def _named(
+        self,
+        overlaps: Mapping[str, float],
+        estimates: Mapping[str, Estimate],
+        *,
+        truth: bool = False,
+        more: str = "",
+    ) -> None:
+        """A row for each tracker, above them the truth's, below them what there is no room for."""
+        pad, text, swatch = self._pad_px, self._text_px, 2 * self._text_px
+        width = max(self._panel_width(overlaps), _text_width(more, text) + 2 * pad)
+        self._darken(0, 0, width, self._panel_height(len(overlaps) + truth + bool(more)))
         base = self._row_px - pad // 3
-        self._line(pad, text, base - text // 3, 1, _WHITE, dashed=True)
-        self._line(pad + text, text, base - text // 3, 1, _WHITE)
-        self._write("truth", swatch + 2 * pad, base, _WHITE, text)
-        for name, estimate in estimates.items():
+        if truth:
+            self._line(pad, text, base - text // 3, 1, _WHITE, dashed=True)
+            self._line(pad + text, text, base - text // 3, 1, _WHITE)
+            self._write("truth", swatch + 2 * pad, base, _WHITE, text)
             base += self._row_px
-            style, y = self._styles[name], base - text // 3
-            self._line(pad, swatch, y, self._line_px, style.colour, dashed=self._is_dashed(name, estimate))
+        for name, overlap in overlaps.items():
+            style, y, number = self._styles[name], base - text // 3, _number(overlap)
+            self._line(pad, swatch, y, self._line_px, style.colour, dashed=self._is_dashed(name, estimates[name]))
             self._mark(name, pad + swatch // 2, y)
             self._write(name, swatch + 2 * pad, base, _WHITE, text)
-            overlap = overlaps[name]
-            self._write(overlap, panel_width - pad - _text_width(overlap, text), base, self._ink(name), text)
+            self._write(number, width - pad - _text_width(number, text), base, self._ink(name), text)
+            base += self._row_px
+        if more:
+            self._write(more, pad, base, _GREY, text)
 
     def _ink(self, name: str) -> Colour:
         """A tracker's colour, lightened so that it can be read on a dark panel."""
@@ -254,6 +287,10 @@ class _Canvas:
 
     def _write(self, text: str, x: int, y: int, colour: Colour, size: int) -> None:
         cv2.putText(self.image, text, (x, y), colour, _font(), size, 500)
+
+
+def _number(overlap: float) -> str:
+    return "-" if math.isnan(overlap) else f"{overlap:.2f}"
 
 
 def _state(truth: Truth) -> list[str]:

@@ -7,6 +7,7 @@ import pytest
 
 from pftrack_sim.core.palette import GREY, styles_of
 from pftrack_sim.core.records import Estimate, Frame, State, Truth
+from pftrack_sim.render import overlay
 from pftrack_sim.render.overlay import draw_boxes, draw_frame
 
 KO2012 = styles_of(["ko2012"])["ko2012"].colour
@@ -155,3 +156,27 @@ def test_the_legend_covers_little_of_the_image(size: tuple[int, int]):
     drawn = draw_boxes(image, truth((150, 60, 30, 60)), estimates)
     covered = (drawn[:50] < 255).all(axis=2).mean() * 50 / size[1]
     assert 0.0 < covered < 0.12
+
+
+def test_of_many_trackers_the_first_are_named_and_the_others_counted(monkeypatch: pytest.MonkeyPatch):
+    written: list[str] = []
+    monkeypatch.setattr(overlay._Canvas, "_write", lambda self, text, *rest: written.append(text))
+    box = np.array([100.0, 50, 20, 40])
+    for width, height in ((320, 240), (640, 480)):
+        image = np.full((height, width, 3), 255, np.uint8)
+        for count in (20, 40):
+            estimates = {f"tracker-{k}": Estimate(box + np.array([k % 20, 0, 0, 0])) for k in range(count)}
+            written.clear()
+            drawn = draw_boxes(image, truth((100, 50, 20, 40)), estimates)
+            named = [text for text in written if text.startswith("tracker-")]
+            assert named == list(estimates)[: len(named)]
+            assert 2 <= len(named) < 10
+            low, high = 1.0 / 39.0, (20 - len(named)) / (20 + len(named))
+            high = high if count == 20 else 1.0
+            assert f"and {count - len(named)} more: {low:.2f} to {high:.2f}" in written
+            covered = (drawn[: height // 3] < 255).all(axis=2).sum() / (width * height)
+            assert 0.02 < covered < 0.12
+    written.clear()
+    draw_boxes(image, truth((100, 50, 20, 40)), dict(list(estimates.items())[:10]))
+    assert not [text for text in written if "more" in text or text.startswith("tracker-")]
+    assert len(written) == 11, "ten overlaps and the target's state"
