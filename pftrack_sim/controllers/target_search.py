@@ -22,9 +22,11 @@ OVERSHOOT_RAD = math.radians(35.0)
 
 MOTION_S = 1.0  # Time over which the target's motion on the ground is measured
 LEAD_S = 1.2  # The target is assumed to have walked on for this time: past the edge that hid it
+WALKS_S = 3.0  # It is looked for where it would be by now if it walked on, for as long as this
 ARRIVED_M = 0.5  # The place is reached this far before it
 STUCK_S, STUCK_M_S = 1.5, 0.15
-"""The search goes on from where the robot stands after it has been slower than this for this time."""
+"""The search goes on from where the robot stands after it has been slower than this for this time, facing its way."""
+FACES_RAD = math.radians(45.0)
 
 LOOK_S = 1.5  # Time at that angle before the sweep
 SWEEP_S = 6.0  # Period of the sweep: at an amplitude of 60 degrees the view moves at most 63 degrees/s
@@ -37,11 +39,11 @@ class TargetSearch:
     """Follows by visual servoing; while the target is lost, drives to where it was last seen, then looks around.
 
     The target's last places are stored in the odometry frame. For `PATIENCE_S` the last motion decays. A robot that
-    `drives` then goes to the last place and `LEAD_S` of the target's motion beyond, looking there, until it has arrived
-    or cannot get nearer. There, or at once without `drives`, the head looks `OVERSHOOT_RAD` past the target's last
-    direction to the side to which it was moving, the base turning after it; after `LOOK_S` the view sweeps about that
-    direction with growing amplitude, until the target is visible again. The inner controller estimates the distance
-    and defines when the target is lost.
+    `drives` then goes to the last place and `LEAD_S` of the target's motion beyond until it has arrived or cannot get
+    nearer, and looks where the target would be by now. There the view sweeps about that direction with growing
+    amplitude, the base turning after the head, until the target is visible again. Without `drives` the head first looks
+    `OVERSHOOT_RAD` past the target's last direction for `LOOK_S`, to the side to which it was moving, and sweeps about
+    that direction. The inner controller estimates the distance and defines when the target is lost.
 
     Args:
         inner: Follows the target while it is visible.
@@ -66,6 +68,7 @@ class TargetSearch:
         self._direction_rad: float | None = None
         self._side = 1.0
         self._places: deque[FloatArray] = deque(maxlen=1 + round(MOTION_S * robot.rate_hz))
+        self._last_m, self._motion_m = np.zeros(2), np.zeros(2)
         self.goal_m: FloatArray | None = None
         """`(2,)` where the robot drives to while it searches, in the odometry frame."""
         self.wanted_m_s = 0.0
@@ -97,9 +100,10 @@ class TargetSearch:
             bearing = math.remainder(direction - heading, 2.0 * math.pi)
             self.wanted_m_s = min(max(ahead_m / DISTANCE_S, STUCK_M_S), float(self._robot.limits[0]))
             forward, turn = self.wanted_m_s * max(math.cos(bearing), 0.0), bearing / TURN_S
-            error = math.remainder(bearing - pan, 2.0 * math.pi)
+            error = math.remainder(self._direction_rad - heading - pan, 2.0 * math.pi)
         else:
-            look = self._direction_rad + self._side * self.sweep_rad(self._searching_s)
+            ahead = self._drives and self._searching_s < LOOK_S
+            look = self._direction_rad + (0.0 if ahead else self._side * self.sweep_rad(self._searching_s))
             self._searching_s += self._robot.frame_s
             # In the direction of the sweep, not by the shorter turn: a look backwards does not jump from side to side.
             forward, turn, error = 0.0, pan / TURN_S, math.remainder(look - heading - pan, 2.0 * math.pi)
@@ -111,18 +115,28 @@ class TargetSearch:
     def _way(self, proprio: NDArray[Any], position_m: FloatArray) -> tuple[float, float] | None:
         """Distance [m] and direction [rad] of the way to the target's last place; None once there, or stuck."""
         if self._drives and self._places:
-            self.goal_m = self._places[-1] + LEAD_S / MOTION_S * (self._places[-1] - self._places[0])
+            self._last_m, self._motion_m = self._places[-1], self._places[-1] - self._places[0]
+            self.goal_m = self._last_m + LEAD_S / MOTION_S * self._motion_m
             self._places.clear()
-        wheels = proprio[PROPRIO_INDEX["wheel_left_m_s"]], proprio[PROPRIO_INDEX["wheel_right_m_s"]]
-        self._stuck_s = self._stuck_s + self._robot.frame_s if abs(0.5 * float(sum(wheels))) < STUCK_M_S else 0.0
         if self.goal_m is None:
             return None
-        dx, dy = (self.goal_m - position_m).tolist()
-        ahead_m = math.hypot(dx, dy) - ARRIVED_M
+        self._direction_rad = _direction(self._last_m + self._walked_s / MOTION_S * self._motion_m - position_m)
+        ahead_m, direction = math.dist(self.goal_m, position_m) - ARRIVED_M, _direction(self.goal_m - position_m)
+        heading = float(proprio[PROPRIO_INDEX["odometry_heading_rad"]])
+        wheels = proprio[PROPRIO_INDEX["wheel_left_m_s"]], proprio[PROPRIO_INDEX["wheel_right_m_s"]]
+        if abs(0.5 * float(sum(wheels))) >= STUCK_M_S:
+            self._stuck_s = 0.0
+        elif abs(math.remainder(direction - heading, 2.0 * math.pi)) < FACES_RAD:  # else it turns round
+            self._stuck_s += self._robot.frame_s
         if ahead_m <= 0.0 or self._stuck_s > STUCK_S:
             self.goal_m = None
             return None
-        return ahead_m, math.atan2(dy, dx)
+        return ahead_m, direction
+
+    @property
+    def _walked_s(self) -> float:
+        """How long the target is assumed to have walked on."""
+        return min(self._lost_s, WALKS_S)
 
     @staticmethod
     def sweep_rad(searching_s: float) -> float:
@@ -143,3 +157,7 @@ class TargetSearch:
         if abs(predicted) > math.radians(1.0):
             self._side = math.copysign(1.0, predicted)
         self._direction_rad = direction_rad
+
+
+def _direction(offset_m: FloatArray) -> float:
+    return math.atan2(offset_m[1], offset_m[0])
