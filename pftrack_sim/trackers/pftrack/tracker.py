@@ -27,12 +27,13 @@ from pftrack_sim.trackers.recognition.search import (
     COMPARED,
     FOUND,
     GAIN,
+    PERSON_AFTER,
     SEARCH_AFTER,
-    SEARCH_INTERVAL,
     SETTLED,
     SURE,
     UNLIKE,
     UNSURE,
+    Doubt,
     Looks,
     likeness_at,
     ramp,
@@ -168,7 +169,7 @@ class Pftrack(BaseTracker):
         self._scales = ScaleFilter(core(self._size, p.scale_core), p.scale_count, p.scale_step, p.scale_cells)
         self._camera = CameraMotion(p.camera_certainty)
         self._usual = None
-        self._unsure, self._sure_scale = 0, 1.0
+        self._doubt, self._sure_scale = Doubt(p.unsure_likeness, p.sure_likeness), 1.0
         pyramid = ImagePyramid(image)
         person = KnownPerson.found(pyramid, self._centre, self._size) if p.person_gain > 0.0 else None
         self._looks = person or PartColours(describe(pyramid, self._centre, self._size))
@@ -183,11 +184,13 @@ class Pftrack(BaseTracker):
         carried = self._centre + shift
         place = self._place(pyramid, self._search(pyramid, image, shift))
         usual = self._usual if self._usual is not None else np.array([place.match.score, place.match.peak])
-        self._unsure = 0 if place.likeness >= p.sure_likeness else self._unsure + 1
-        searches = self._unsure >= p.search_after > 0 and (self._unsure - p.search_after) % SEARCH_INTERVAL == 0
-        if searches and (other := self._find(pyramid, image, usual, place.likeness)):
+        person = self._looks if isinstance(self._looks, KnownPerson) else None
+        self._doubt.see(place.likeness)
+        seen = person is not None and not person.is_covered(place.looks)
+        attempt = self._doubt.search(max(p.search_after, PERSON_AFTER) if seen else p.search_after)
+        if p.search_after and attempt is not None and (other := self._find(pyramid, image, usual, place, attempt)):
             place, carried, self._velocity = other, other.match.centre, np.zeros(2)
-            self._scale, self._unsure = place.match.scale, 0
+            self._scale = place.match.scale
         found = place.match
         occluded = place.likeness < p.unsure_likeness
         hold = occluded and found.score < p.occlusion_hold * usual[0]
@@ -195,7 +198,6 @@ class Pftrack(BaseTracker):
         peak = min(max(found.peak / max(float(usual[1]), 1e-6), 0.0), 1.0)
         if not hold and p.scale_count > 1 and self._frame % p.scale_interval == 0:
             self._rescale(pyramid, image, peak)
-        person = self._looks if isinstance(self._looks, KnownPerson) else None
         if person is not None and not occluded:  # who is not alike may be another, in front
             self._settle(person.correction(place.looks), image)
         if not occluded:
@@ -203,8 +205,9 @@ class Pftrack(BaseTracker):
             self._velocity = 0.5 * (self._velocity + found.centre - carried)
             self._usual = usual + SLOW * max(trust, FORGETTING) * (np.array([found.score, found.peak]) - usual)
             if trust > 0.0:
-                self._learn(pyramid, peak * trust)
-                self._looks.learn(place.looks, place.likeness, trust)
+                if not self._doubt:
+                    self._learn(pyramid, peak * trust)
+                    self._looks.learn(place.looks, place.likeness, trust)
                 self._sure_scale = self._scale
         size = self._scale * self._size
         box = np.concatenate([self._centre - 0.5 * size, size])
@@ -253,14 +256,15 @@ class Pftrack(BaseTracker):
         looks, likeness = likeness_at(self._looks, pyramid, match.centre, match.scale * self._size)
         return Place(match, looks, likeness)
 
-    def _find(self, pyramid: ImagePyramid, image: Image, usual: FloatArray, likeness: float) -> Place | None:
+    def _find(self, pyramid: ImagePyramid, image: Image, usual: FloatArray, now: Place, attempt: int) -> Place | None:
         """The best place in the whole image where the target may be; None where no other is as sure as asked for.
 
         Places are proposed by colour at several sizes, ordered by their looks, and compared by the filter.
         """
         p = self.params
-        proposed = search(image, pyramid, self._looks, self._colour, self._sure_scale * self._size)
-        least = max(p.found_likeness, 0.0 if likeness < p.unsure_likeness else likeness + p.found_gain)
+        size = self._sure_scale * self._size
+        proposed = search(image, pyramid, self._looks, self._colour, size, attempt=attempt)
+        least = max(p.found_likeness, 0.0 if now.likeness < p.unsure_likeness else now.likeness + p.found_gain)
         best: Place | None = None
         for one in proposed[:COMPARED]:
             scale = float(one.size[1] / self._size[1])

@@ -23,12 +23,13 @@ from pftrack_sim.trackers.recognition.search import (
     COMPARED,
     FOUND,
     GAIN,
+    PERSON_AFTER,
     SEARCH_AFTER,
-    SEARCH_INTERVAL,
     SETTLED,
     SURE,
     UNLIKE,
     UNSURE,
+    Doubt,
     Place,
     likeness_at,
     ramp,
@@ -78,40 +79,49 @@ class TargetMemory:
         self._looks = person or PartColours(describe(pyramid, self._centre, self._size))
         self._colours = ColourModel()
         self._learn_colours(pyramid, 1.0)
-        self._unsure = 0
+        self._doubt = Doubt()
+        self._missed = 0
 
     def judge(self, image: Image, box: Box) -> Judgement:
         """Judge the `(4,)` box [px] that a tracker estimates in the next image, and learn from it if it is sure."""
         pyramid = ImagePyramid(image)
         place = _place(box, image)
         view, likeness = likeness_at(self._looks, pyramid, place.centre, place.size)
-        self._unsure = 0 if likeness >= UNSURE else self._unsure + 1
+        self._doubt.see(likeness)
+        self._missed = 0 if likeness >= UNSURE else self._missed + 1
+        attempt = self._doubt.search(SEARCH_AFTER if self._is_hidden(view) else PERSON_AFTER)
         found = settled = None
-        if self._searches and self._unsure >= SEARCH_AFTER and (self._unsure - SEARCH_AFTER) % SEARCH_INTERVAL == 0:
-            found = self._find(image, pyramid, likeness, box)
+        if self._searches and attempt is not None:
+            found = self._find(image, pyramid, likeness, box, attempt)
         if found is not None:
-            place, self._unsure = found, 0
+            place = found
             view, likeness = likeness_at(self._looks, pyramid, place.centre, place.size)
         elif self._searches and likeness >= UNSURE and (correction := self._correction(view)):
             place = settled = _moved(place, correction, SETTLED)
         trust = ramp(likeness, UNSURE, SURE)
         if trust > 0.0:
             self._centre, self._size = place.centre, place.size
-            self._looks.learn(view, likeness, trust)
-            self._learn_colours(pyramid, COLOUR_RATE * trust)
-        hidden = not isinstance(self._looks, KnownPerson) or self._looks.is_covered(view)
+            if not self._doubt:
+                self._looks.learn(view, likeness, trust)
+                self._learn_colours(pyramid, COLOUR_RATE * trust)
         now = found or settled
         return Judgement(
             ramp(likeness, UNLIKE, 1.0),
-            likeness < UNSURE and hidden,
+            likeness < UNSURE and self._is_hidden(view),
             None if now is None else _box(now),
             found is not None,
         )
 
-    def _find(self, image: Image, pyramid: ImagePyramid, likeness: float, box: Box) -> Place | None:
+    def _is_hidden(self, view: object) -> bool:
+        """Whether most of a person is hidden; of other targets all that is known is how alike they are."""
+        known = self._looks
+        return not (isinstance(known, KnownPerson) and isinstance(view, PersonView)) or known.is_covered(view)
+
+    def _find(self, image: Image, pyramid: ImagePyramid, likeness: float, box: Box, attempt: int) -> Place | None:
         """The place most like the target that it can have reached, if it is alike enough and not the estimate's."""
-        reach = (REACH + REACH_RATE * self._unsure) * float(self._size[1])
-        places = search(image, pyramid, self._looks, self._colours, self._size, within=(self._centre, reach))
+        reach = (REACH + REACH_RATE * self._missed) * float(self._size[1])
+        within = self._centre, reach
+        places = search(image, pyramid, self._looks, self._colours, self._size, attempt=attempt, within=within)
         closer = (self._settled(pyramid, one) for one in places[:COMPARED])
         best = max(closer, key=lambda one: one.likeness, default=None)
         if best is None or best.likeness < max(FOUND, likeness + GAIN) or boxes.iou(_box(best), box) >= SAME:

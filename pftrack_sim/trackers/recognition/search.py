@@ -23,7 +23,11 @@ more slowly."""
 UNLIKE = 0.7
 """Likeness at which the confidence is 0."""
 SEARCH_AFTER, SEARCH_INTERVAL = 6, 3
-"""Frames without the target until the whole image is searched, and from one search to the next."""
+"""Frames in doubt until the whole image is searched, and from one search to the next."""
+PERSON_AFTER = 15
+"""The same for a box that holds a person who is hardly covered: more likely the target, turned or lit otherwise."""
+SURE_FRAMES, ALIKE_FRAMES = 5, 45
+"""Frames in which the target is sure, or not unlike, that end a doubt."""
 FOUND, GAIN = 0.92, 0.04
 """Least likeness of a place that is taken, and by how much it is more alike than the estimate."""
 COMPARED = 3  # Places of a search that are looked at closely
@@ -31,7 +35,10 @@ SETTLED = 0.3
 """Share of a person's distance from the box, and of the difference in size, that is made good in a frame."""
 
 SCALES = (0.65, 0.8, 1.0, 1.25, 1.55)
-"""Sizes at which a lost target is searched, as shares of that at which it was last sure."""
+"""Sizes at which a lost target is searched, as shares of that at which it was last sure ..."""
+ZOOMS = (1.0, 0.42, 1.0, 2.4)
+"""... times one of these in each search: who walked past the camera comes back smaller or larger. The ranges touch."""
+LEAST_PX, MOST = 8.0, 1.5  # Heights that are searched, in pixels and as a share of the image's
 WIDTH_PX, SEARCHED = 10.0, 3
 """Width of the target in the image that is searched by colour, and places taken at each size."""
 
@@ -42,6 +49,43 @@ class Place(NamedTuple):
     likeness: float
     size: FloatArray
     centre: FloatArray
+
+
+class Doubt:
+    """Whether it is in doubt that a tracker follows its target: from a frame in which it is unlike until it is sure.
+
+    Nothing should be learnt meanwhile: behind a cover the box may have gone over to what covered the target, which
+    looks more and more usual if it is learnt.
+
+    Args:
+        unlike: Likeness below which a frame begins a doubt.
+        sure: Likeness of a frame that helps to end it.
+    """
+
+    def __init__(self, unlike: float = UNSURE, sure: float = SURE) -> None:
+        self._limits = unlike, sure
+        self._frames = self._sure = self._alike = 0
+
+    def __bool__(self) -> bool:
+        return self._frames > 0
+
+    def see(self, likeness: float) -> None:
+        """Take the likeness of the next frame."""
+        unlike, sure = self._limits
+        if likeness < unlike:
+            self._sure = self._alike = 0
+        elif self._frames:
+            self._alike += 1
+            self._sure = self._sure + 1 if likeness >= sure else 0
+            if self._sure >= SURE_FRAMES or self._alike >= ALIKE_FRAMES:
+                self._frames = 0
+                return
+        self._frames += likeness < unlike or self._frames > 0
+
+    def search(self, after: int) -> int | None:
+        """Number of the search that is due in this frame, if the first one is due after so many frames; or None."""
+        waited = self._frames - after
+        return waited // SEARCH_INTERVAL if waited >= 0 and waited % SEARCH_INTERVAL == 0 else None
 
 
 def likeness_at(looks: Looks, pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> tuple[Any, float]:
@@ -57,14 +101,19 @@ def search(
     looks: Looks,
     colours: ColourModel,
     size: FloatArray,
+    *,
+    attempt: int,
     within: tuple[FloatArray, float] | None = None,
 ) -> list[Place]:
     """Places with the target's colours, at `SCALES` of its last `(2,)` size [px], the most alike first.
 
-    Their centres are no farther from a point than a distance [px], if `within` names both.
+    The number of the search since the target was last sure chooses one of `ZOOMS`. Centres are no farther from a point
+    than a distance [px], if `within` names both.
     """
     found: list[Place] = []
-    for wanted in (scale * size for scale in SCALES):
+    for wanted in (ZOOMS[attempt % len(ZOOMS)] * scale * size for scale in SCALES):
+        if not LEAST_PX < wanted[1] < MOST * image.shape[0]:
+            continue
         for centre in _colour_peaks(image, colours, wanted):
             if within is None or math.dist(centre, within[0]) <= within[1]:
                 found.append(Place(likeness_at(looks, pyramid, centre, wanted)[1], wanted, centre))
