@@ -315,7 +315,7 @@ def test_parts_tell_clothes_in_another_order_apart_and_stand_a_change_of_light()
     assert target.likeness(described((BLUE_BEIGE * 0.9).astype(np.uint8))) > 0.8 * own
     assert target.likeness(described(BEIGE_BLUE)) < 0.6 * own
     for _ in range(200):
-        target.learn(parts, target.likeness(parts), 1.0)
+        target.learn(parts, 1.0)
     assert target.likeness(parts) == pytest.approx(1.0, abs=0.02), "a share of what is usual"
 
 

@@ -205,9 +205,9 @@ class Pftrack(BaseTracker):
             self._velocity = 0.5 * (self._velocity + found.centre - carried)
             self._usual = usual + SLOW * max(trust, FORGETTING) * (np.array([found.score, found.peak]) - usual)
             if trust > 0.0:
+                self._learn(pyramid, peak * trust)
                 if not self._doubt:
-                    self._learn(pyramid, peak * trust)
-                    self._looks.learn(place.looks, place.likeness, trust)
+                    self._looks.learn(place.looks, trust)
                 self._sure_scale = self._scale
         size = self._scale * self._size
         box = np.concatenate([self._centre - 0.5 * size, size])

@@ -102,7 +102,7 @@ class TargetMemory:
         if trust > 0.0:
             self._centre, self._size = place.centre, place.size
             if not self._doubt:
-                self._looks.learn(view, likeness, trust)
+                self._looks.learn(view, trust)
                 self._learn_colours(pyramid, COLOUR_RATE * trust)
         now = found or settled
         return Judgement(

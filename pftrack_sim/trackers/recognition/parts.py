@@ -67,8 +67,9 @@ class PartColours:
         """Likeness of `(3, BINS^3)` histograms with the target's, as a share of what is usual for the target."""
         return float(np.sqrt(self._means * found).sum(axis=1).mean()) / self._usual
 
-    def learn(self, found: Histograms, likeness: float, trust: float) -> None:
-        """Learn histograms of the target and their likeness with weight `trust` in [0, 1]."""
+    def learn(self, found: Histograms, trust: float) -> None:
+        """Learn histograms of the target with weight `trust` in [0, 1]."""
+        likeness = self.likeness(found)
         self._count += 1
         rate = max(1.0 / self._count, RATE) * trust  # a mean of the first frames, then a slow one
         self._means += np.float32(rate) * (found - self._means)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.recognition.parts import Histograms, PartColours, describe
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 NETWORK = "person.onnx"  # Among the assets
@@ -33,6 +34,8 @@ FIRST_LIKENESS = 0.85  # Usual likeness before any was seen
 RATE = 0.01  # Least weight of a new frame
 SLOPE = 0.433
 """Of the likeness over the vectors' product: a product of 0.7 of the usual one is as alike as colours of 0.87."""
+STRETCH = 1.3
+"""Of the mean of both likenesses: as many views of the target as of other people are then on the wrong side of 0.87."""
 COVERED = 0.79
 """Likeness of a person of whom nothing is seen, from which it grows with the visible share."""
 
@@ -46,6 +49,7 @@ class PersonView(NamedTuple):
         visible: Share of the person that can be seen, in [0, 1].
         person: Probability that the box holds a person.
         identity: `(32,)` unit vector; the product of two is near 1 for views of one person.
+        parts: Colours of the parts of the box; None where they were not asked for.
     """
 
     shift: FloatArray
@@ -53,53 +57,75 @@ class PersonView(NamedTuple):
     visible: float
     person: float
     identity: NDArray[np.float32]
+    parts: Histograms | None = None
 
 
 def look(pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> PersonView:
     """Look at a box of `(2,)` width and height [px] around `(2,)` x, y; its width is not used."""
-    square = pyramid.patch(centre, REACH * float(size[1]), ROWS)
-    first = (ROWS - COLUMNS) // 2
-    patch = square[:, first : first + COLUMNS].transpose(2, 0, 1)[None].astype(np.float32) / np.float32(255)
+    return look_at_all(pyramid, centre[None], float(size[1]))[0]
+
+
+def look_at_all(pyramid: ImagePyramid, centres: FloatArray, height_px: float) -> list[PersonView]:
+    """Look at boxes of one height [px] around `(N, 2)` x, y."""
+    side, first = REACH * height_px, (ROWS - COLUMNS) // 2
+    squares = np.stack([pyramid.patch(centre, side, ROWS) for centre in centres])
+    patches = squares[:, :, first : first + COLUMNS].transpose(0, 3, 1, 2).astype(np.float32) / np.float32(255)
     network = _network()
-    network.setInput(patch)
-    vector, numbers = (one[0] for one in network.forward(["embedding", "box"]))
-    right, down, growth, _, visible, person = numbers.tolist()
-    identity = np.asarray(vector / np.linalg.norm(vector), dtype=np.float32)
-    return PersonView(np.array([right, down]), growth, _share(visible), _share(person), identity)
+    network.setInput(np.ascontiguousarray(patches))
+    vectors, numbers = network.forward(["embedding", "box"])
+    views: list[PersonView] = []
+    for vector, (right, down, growth, _, visible, person) in zip(vectors, numbers.tolist(), strict=True):
+        identity = np.asarray(vector / np.linalg.norm(vector), dtype=np.float32)
+        views.append(PersonView(np.array([right, down]), growth, _share(visible), _share(person), identity))
+    return views
 
 
 class KnownPerson:
-    """Running mean of a person's identity, and of the likeness that views of the person usually have with it."""
+    """Running means of a person's identity and colours, and of the likeness that views usually have with them.
+
+    The two err on different people. Where 95 % of the target's views are kept, identity alone takes 29 % of those of
+    others for the target, colours 15 %, and both 7 % (eight drives, 1,617 and 721 views).
+    """
 
     def __init__(self, first: PersonView) -> None:
+        assert first.parts is not None
         self._first = first
-        self._mean = first.identity.copy()
+        self._mean, self._parts = first.identity.copy(), PartColours(first.parts)
         self._usual, self._count = FIRST_LIKENESS, 1
 
     @classmethod
     def found(cls, pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> KnownPerson | None:
         """The person in a box; None where there is none, or none who fills it as people fill their boxes."""
-        view = look(pyramid, centre, size)
+        view = _described(pyramid, centre, size)
         shift, growth = FILLS
         fills = abs(view.growth) < growth and float(np.abs(view.shift).max()) < shift
         return cls(view) if fills and view.person > IS_PERSON and view.visible > PART else None
 
     def describe(self, pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> PersonView:
         """What is seen in a box of `(2,)` width and height [px] around `(2,)` x, y."""
-        return look(pyramid, centre, size)
+        return _described(pyramid, centre, size)
 
     def likeness(self, found: PersonView) -> float:
         """Likeness with the person, on the scale of `PartColours.likeness`."""
-        alike = float(found.identity @ self._mean) / float(np.linalg.norm(self._mean)) / self._usual
+        identity, colours = self._alike(found)
         seen = found.visible / self._first.visible
-        return min(1.0 - SLOPE * (1.0 - alike), COVERED + 1.25 * (1.0 - COVERED) * seen)
+        return min(1.0 - STRETCH * (1.0 - 0.5 * (identity + colours)), COVERED + 1.25 * (1.0 - COVERED) * seen)
 
-    def learn(self, found: PersonView, likeness: float, trust: float) -> None:
-        """Learn a view of the person and its likeness with weight `trust` in [0, 1]."""
+    def learn(self, found: PersonView, trust: float) -> None:
+        """Learn a view of the person with weight `trust` in [0, 1]."""
+        identity, _ = self._alike(found)
         self._count += 1
         rate = max(1.0 / self._count, RATE) * trust  # a mean of the first frames, then a slow one
         self._mean += np.float32(rate) * (found.identity - self._mean)
-        self._usual *= 1.0 + rate * (likeness - 1.0) / SLOPE
+        self._usual *= 1.0 + rate * (identity - 1.0) / SLOPE
+        assert found.parts is not None
+        self._parts.learn(found.parts, trust)
+
+    def _alike(self, found: PersonView) -> tuple[float, float]:
+        """Likeness of identity and of colours, each as a share of what is usual."""
+        assert found.parts is not None
+        product = float(found.identity @ self._mean) / float(np.linalg.norm(self._mean)) / self._usual
+        return 1.0 - SLOPE * (1.0 - product), self._parts.likeness(found.parts)
 
     def is_covered(self, found: PersonView) -> bool:
         """Whether most of the person is hidden; one who is lit or turned otherwise is only less alike."""
@@ -111,11 +137,21 @@ class KnownPerson:
         Both are against the first box, which may hold a person otherwise than those of the training; None where too
         little of a person is seen.
         """
+        off = self.off(found)
+        if off is None:
+            return None
+        (shift, growth), (most, grown) = off, SLACK
+        return shift - np.clip(shift, -most, most), growth - min(max(growth, -grown), grown)
+
+    def off(self, found: PersonView) -> tuple[FloatArray, float] | None:
+        """The same without the slack that views have."""
         if found.person < IS_PERSON or found.visible < PART:
             return None
-        shift, growth = found.shift - self._first.shift, found.growth - self._first.growth
-        most, grown = SLACK
-        return shift - np.clip(shift, -most, most), growth - min(max(growth, -grown), grown)
+        return found.shift - self._first.shift, found.growth - self._first.growth
+
+
+def _described(pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> PersonView:
+    return look(pyramid, centre, size)._replace(parts=describe(pyramid, centre, size))
 
 
 @cache

@@ -12,7 +12,7 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.parts import PartColours
-from pftrack_sim.trackers.recognition.person import KnownPerson
+from pftrack_sim.trackers.recognition.person import KnownPerson, look_at_all
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 Looks = KnownPerson | PartColours
@@ -26,9 +26,9 @@ SEARCH_AFTER, SEARCH_INTERVAL = 6, 3
 """Frames in doubt until the whole image is searched, and from one search to the next."""
 PERSON_AFTER = 15
 """The same for a box that holds a person who is hardly covered: more likely the target, turned or lit otherwise."""
-SURE_FRAMES, ALIKE_FRAMES = 5, 45
+SURE_FRAMES, ALIKE_FRAMES = 5, 15
 """Frames in which the target is sure, or not unlike, that end a doubt."""
-FOUND, GAIN = 0.92, 0.04
+FOUND, GAIN = 0.9, 0.04
 """Least likeness of a place that is taken, and by how much it is more alike than the estimate."""
 COMPARED = 3  # Places of a search that are looked at closely
 SETTLED = 0.3
@@ -39,6 +39,11 @@ SCALES = (0.65, 0.8, 1.0, 1.25, 1.55)
 ZOOMS = (1.0, 0.42, 1.0, 2.4)
 """... times one of these in each search: who walked past the camera comes back smaller or larger. The ranges touch."""
 LEAST_PX, MOST = 8.0, 1.5  # Heights that are searched, in pixels and as a share of the image's
+PEOPLE_ZOOMS = ((1.0, 0.6, 1.6), (1.0, 0.38, 2.5))
+"""Sizes of people that a search looks for, as shares of the target's last one: a view shows sizes up to a third off."""
+GRID, POINTS = 0.4, 300
+"""Distance of the points from which people are looked for, in their heights, and how many there are at most."""
+PEOPLE, LOOKS = 8, 2  # Most people who are looked at closely, and how many times
 WIDTH_PX, SEARCHED = 10.0, 3
 """Width of the target in the image that is searched by colour, and places taken at each size."""
 
@@ -54,8 +59,8 @@ class Place(NamedTuple):
 class Doubt:
     """Whether it is in doubt that a tracker follows its target: from a frame in which it is unlike until it is sure.
 
-    Nothing should be learnt meanwhile: behind a cover the box may have gone over to what covered the target, which
-    looks more and more usual if it is learnt.
+    Its looks should not be learnt meanwhile: behind a cover the box may have gone over to what covered the target,
+    which looks more and more usual if it is learnt.
 
     Args:
         unlike: Likeness below which a frame begins a doubt.
@@ -105,11 +110,13 @@ def search(
     attempt: int,
     within: tuple[FloatArray, float] | None = None,
 ) -> list[Place]:
-    """Places with the target's colours, at `SCALES` of its last `(2,)` size [px], the most alike first.
+    """Places of people or, for other targets, with the target's colours, the most alike first.
 
-    The number of the search since the target was last sure chooses one of `ZOOMS`. Centres are no farther from a point
+    They have `SCALES` of its last `(2,)` size [px]. The number of the search since the target was last sure chooses one of `ZOOMS`. Centres are no farther from a point
     than a distance [px], if `within` names both.
     """
+    if isinstance(looks, KnownPerson):
+        return sorted(_people(image, pyramid, looks, size, attempt, within), key=lambda one: -one.likeness)
     found: list[Place] = []
     for wanted in (ZOOMS[attempt % len(ZOOMS)] * scale * size for scale in SCALES):
         if not LEAST_PX < wanted[1] < MOST * image.shape[0]:
@@ -118,6 +125,46 @@ def search(
             if within is None or math.dist(centre, within[0]) <= within[1]:
                 found.append(Place(likeness_at(looks, pyramid, centre, wanted)[1], wanted, centre))
     return sorted(found, key=lambda one: -one.likeness)
+
+
+def _people(
+    image: Image,
+    pyramid: ImagePyramid,
+    known: KnownPerson,
+    size: FloatArray,
+    attempt: int,
+    within: tuple[FloatArray, float] | None,
+) -> list[Place]:
+    """People whom the network sees from the points of a grid, each looked at once more where it says that they are."""
+    found: list[tuple[float, FloatArray, FloatArray]] = []
+    for zoom in PEOPLE_ZOOMS[attempt % len(PEOPLE_ZOOMS)]:
+        wanted = zoom * size
+        height = float(wanted[1])
+        if not LEAST_PX < height < MOST * image.shape[0]:
+            continue
+        step = max(GRID * height, math.sqrt(image.shape[0] * image.shape[1] / POINTS))
+        across, down = (np.arange(0.5 * step, side, step) for side in image.shape[1::-1])
+        grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+        if within is not None:
+            grid = grid[np.hypot(*(grid - within[0]).T) <= within[1]]
+        if not len(grid):
+            continue
+        for centre, view in zip(grid, look_at_all(pyramid, grid, height), strict=True):
+            if (off := known.off(view)) is not None:
+                shift, growth = off
+                found.append((view.person * view.visible, centre + shift * height, wanted * math.exp(growth)))
+    places: list[Place] = []
+    for _, centre, fitting in sorted(found, key=lambda one: -one[0]):
+        apart = 0.3 * float(fitting[1])
+        if len(places) < PEOPLE and all(math.dist(centre, one.centre) > apart for one in places):
+            for _ in range(LOOKS):
+                view, likeness = likeness_at(known, pyramid, centre, fitting)
+                if (off := known.off(view)) is None:
+                    break
+                shift, growth = off
+                centre, fitting = centre + shift * float(fitting[1]), fitting * math.exp(growth)
+            places.append(Place(likeness_at(known, pyramid, centre, fitting)[1], fitting, centre))
+    return places
 
 
 def ramp(value: float, low: float, high: float) -> float:
