@@ -20,7 +20,6 @@ from pftrack_sim.trackers.recognition.parts import PartColours, describe
 from pftrack_sim.trackers.recognition.person import KnownPerson, PersonView
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import (
-    COMPARED,
     FOUND,
     GAIN,
     PERSON_AFTER,
@@ -32,6 +31,7 @@ from pftrack_sim.trackers.recognition.search import (
     Doubt,
     Place,
     likeness_at,
+    moved,
     ramp,
     search,
 )
@@ -97,7 +97,7 @@ class TargetMemory:
             place = found
             view, likeness = likeness_at(self._looks, pyramid, place.centre, place.size)
         elif self._searches and likeness >= UNSURE and (correction := self._correction(view)):
-            place = settled = _moved(place, correction, SETTLED)
+            place = settled = moved(place, correction, SETTLED)
         trust = ramp(likeness, UNSURE, SURE)
         if trust > 0.0:
             self._centre, self._size = place.centre, place.size
@@ -122,20 +122,12 @@ class TargetMemory:
         reach = (REACH + REACH_RATE * self._missed) * float(self._size[1])
         within = self._centre, reach
         places = search(image, pyramid, self._looks, self._colours, self._size, attempt=attempt, within=within)
-        closer = (self._settled(pyramid, one) for one in places[:COMPARED])
-        best = max(closer, key=lambda one: one.likeness, default=None)
-        if best is None or best.likeness < max(FOUND, likeness + GAIN) or boxes.iou(_box(best), box) >= SAME:
+        if not places:
+            return None
+        best = places[0]
+        if best.likeness < max(FOUND, likeness + GAIN) or boxes.iou(_box(best), box) >= SAME:
             return None
         return best if boxes.area(boxes.clip(_box(best), *image.shape[1::-1])) > 0.0 else None
-
-    def _settled(self, pyramid: ImagePyramid, place: Place) -> Place:
-        """A place moved onto the person in it, if there is one and that is more like the target."""
-        view, _ = likeness_at(self._looks, pyramid, place.centre, place.size)
-        if (correction := self._correction(view)) is None:
-            return place
-        moved = _moved(place, correction, 1.0)
-        moved = moved._replace(likeness=likeness_at(self._looks, pyramid, moved.centre, moved.size)[1])
-        return moved if moved.likeness > place.likeness else place
 
     def _correction(self, view: object) -> tuple[FloatArray, float] | None:
         known = self._looks
@@ -150,13 +142,6 @@ class TargetMemory:
 def _place(box: Box, image: Image) -> Place:
     """An estimate as a place that can be looked at; its likeness is not known yet."""
     return Place(0.0, np.maximum(box[2:], MIN_SIZE_PX), np.clip(boxes.centre(box), 0.0, image.shape[1::-1]))
-
-
-def _moved(place: Place, correction: tuple[FloatArray, float], share: float) -> Place:
-    """A place moved by a share of a person's shift and growth, see `KnownPerson.correction`."""
-    shift, growth = correction
-    size = place.size * math.exp(share * growth)
-    return Place(place.likeness, size, place.centre + share * shift * place.size[1])
 
 
 def _box(place: Place) -> Box:

@@ -67,6 +67,8 @@ def look(pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> PersonV
 
 def look_at_all(pyramid: ImagePyramid, centres: FloatArray, height_px: float) -> list[PersonView]:
     """Look at boxes of one height [px] around `(N, 2)` x, y."""
+    if not len(centres):
+        return []
     side, first = REACH * height_px, (ROWS - COLUMNS) // 2
     squares = np.stack([pyramid.patch(centre, side, ROWS) for centre in centres])
     patches = squares[:, :, first : first + COLUMNS].transpose(0, 3, 1, 2).astype(np.float32) / np.float32(255)

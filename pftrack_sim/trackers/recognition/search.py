@@ -12,7 +12,7 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.parts import PartColours
-from pftrack_sim.trackers.recognition.person import KnownPerson, look_at_all
+from pftrack_sim.trackers.recognition.person import KnownPerson, look, look_at_all
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 Looks = KnownPerson | PartColours
@@ -43,7 +43,8 @@ PEOPLE_ZOOMS = ((1.0, 0.6, 1.6), (1.0, 0.38, 2.5))
 """Sizes of people that a search looks for, as shares of the target's last one: a view shows sizes up to a third off."""
 GRID, POINTS = 0.4, 300
 """Distance of the points from which people are looked for, in their heights, and how many there are at most."""
-PEOPLE, LOOKS = 8, 2  # Most people who are looked at closely, and how many times
+PEOPLE, LOOKS, APART = 8, 2, 0.3
+"""Most people who are looked at closely, how many times, and their least distance, in heights."""
 WIDTH_PX, SEARCHED = 10.0, 3
 """Width of the target in the image that is searched by colour, and places taken at each size."""
 
@@ -112,8 +113,9 @@ def search(
 ) -> list[Place]:
     """Places of people or, for other targets, with the target's colours, the most alike first.
 
-    They have `SCALES` of its last `(2,)` size [px]. The number of the search since the target was last sure chooses one of `ZOOMS`. Centres are no farther from a point
-    than a distance [px], if `within` names both.
+    Their sizes are about its last `(2,)` size [px], at `PEOPLE_ZOOMS` or at `SCALES` of one of `ZOOMS`, which the
+    number of the search since the target was last sure chooses. Centres are no farther from a point than a distance
+    [px], if `within` names both.
     """
     if isinstance(looks, KnownPerson):
         return sorted(_people(image, pyramid, looks, size, attempt, within), key=lambda one: -one.likeness)
@@ -135,8 +137,8 @@ def _people(
     attempt: int,
     within: tuple[FloatArray, float] | None,
 ) -> list[Place]:
-    """People whom the network sees from the points of a grid, each looked at once more where it says that they are."""
-    found: list[tuple[float, FloatArray, FloatArray]] = []
+    """People whom the network sees from the points of a grid, each looked at again where it says that they are."""
+    found: list[Place] = []
     for zoom in PEOPLE_ZOOMS[attempt % len(PEOPLE_ZOOMS)]:
         wanted = zoom * size
         height = float(wanted[1])
@@ -147,24 +149,26 @@ def _people(
         grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
         if within is not None:
             grid = grid[np.hypot(*(grid - within[0]).T) <= within[1]]
-        if not len(grid):
-            continue
         for centre, view in zip(grid, look_at_all(pyramid, grid, height), strict=True):
             if (off := known.off(view)) is not None:
-                shift, growth = off
-                found.append((view.person * view.visible, centre + shift * height, wanted * math.exp(growth)))
+                found.append(moved(Place(view.person * view.visible, wanted, centre), off))
     places: list[Place] = []
-    for _, centre, fitting in sorted(found, key=lambda one: -one[0]):
-        apart = 0.3 * float(fitting[1])
-        if len(places) < PEOPLE and all(math.dist(centre, one.centre) > apart for one in places):
+    for place in sorted(found, key=lambda one: -one.likeness):
+        apart = APART * float(place.size[1])
+        if len(places) < PEOPLE and all(math.dist(place.centre, one.centre) > apart for one in places):
             for _ in range(LOOKS):
-                view, likeness = likeness_at(known, pyramid, centre, fitting)
-                if (off := known.off(view)) is None:
-                    break
-                shift, growth = off
-                centre, fitting = centre + shift * float(fitting[1]), fitting * math.exp(growth)
-            places.append(Place(likeness_at(known, pyramid, centre, fitting)[1], fitting, centre))
+                off = known.off(look(pyramid, place.centre, place.size))
+                place = place if off is None else moved(place, off)
+            places.append(place._replace(likeness=likeness_at(known, pyramid, place.centre, place.size)[1]))
     return places
+
+
+def moved(place: Place, off: tuple[FloatArray, float], share: float = 1.0) -> Place:
+    """A place moved by a share of a person's shift and growth, see `KnownPerson.off`."""
+    shift, growth = off
+    return place._replace(
+        size=place.size * math.exp(share * growth), centre=place.centre + share * shift * place.size[1]
+    )
 
 
 def ramp(value: float, low: float, high: float) -> float:
