@@ -9,8 +9,10 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Frame
 from pftrack_sim.scenario import load
 from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.person import KnownPerson, look
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
+from pftrack_sim.trackers.recognition.search import search
 
 SEED = 3  # The network was trained on 200 to 207
 
@@ -84,3 +86,21 @@ def test_a_box_is_corrected_beyond_what_views_vary_by(frames: list[Frame]):
     assert moved is not None
     assert moved[0][0] > 0.03
     assert moved[1] < -0.1
+
+
+def test_a_lost_person_is_found_at_half_the_size_among_others(frames: list[Frame]):
+    """Where colours propose other places; most of those found are people, the target is the most alike."""
+    seen = [frame for frame in in_full_view(frames) if sum(one.visible_fraction > 0.5 for one in frame.people) > 1]
+    first = seen[0]
+    pyramid, box = ImagePyramid(first.image), first.truth.amodal_box
+    known = KnownPerson.found(pyramid, boxes.centre(box), box[2:])
+    assert known is not None
+    found: list[bool] = []
+    for frame in seen[1:]:
+        pyramid, target = ImagePyramid(frame.image), frame.truth.amodal_box
+        for attempt, zoom in ((0, 1.7), (1, 2.6)):
+            places = search(frame.image, pyramid, known, ColourModel(), zoom * target[2:], attempt=attempt)
+            best = places[0]
+            found.append(boxes.iou(np.concatenate([best.centre - best.size / 2, best.size]), target) > 0.4)
+    assert len(found) >= 8
+    assert np.mean(found) > 0.7

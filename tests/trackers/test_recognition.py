@@ -9,6 +9,7 @@ from pftrack_sim.benchmark import TrackerSpec
 from pftrack_sim.core.boxes import iou
 from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.core.records import Estimate
+from pftrack_sim.trackers.recognition.search import ALIKE_FRAMES, SEARCH_AFTER, SURE_FRAMES, Doubt
 from pftrack_sim.trackers.registry import recognises
 
 SIZE = np.array([24.0, 60.0])
@@ -62,6 +63,24 @@ def test_nothing_is_found_where_the_target_is_not():
     estimates = follow("ncc", "search", [image(100.0)] + [image(None, 180.0)] * 30)
     assert all(iou(one.box, box(180.0)) == 0.0 for one in estimates)
     assert all(one.occluded for one in estimates)
+
+
+def test_a_doubt_lasts_until_the_target_is_sure_or_alike_for_long():
+    doubt = Doubt(0.8, 0.9)
+    seen: list[bool] = []
+    for likeness in [0.95] * 3 + [0.7] + [0.85] * 8 + [0.95] * SURE_FRAMES + [0.7] + [0.85] * ALIKE_FRAMES:
+        doubt.see(likeness)
+        seen.append(bool(doubt))
+    assert seen == [False] * 3 + [True] * (8 + SURE_FRAMES) + [False] + [True] * ALIKE_FRAMES + [False]
+
+
+def test_a_doubt_searches_at_intervals_after_a_while():
+    doubt, due = Doubt(), []
+    for frame in range(1, 14):
+        doubt.see(0.0)
+        if (attempt := doubt.search(SEARCH_AFTER)) is not None:
+            due.append((frame, attempt))
+    assert due == [(6, 0), (9, 1), (12, 2)]
 
 
 def test_trackers_search_in_closed_loop():
