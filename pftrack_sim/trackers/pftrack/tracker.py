@@ -191,6 +191,7 @@ class Pftrack(BaseTracker):
         if p.search_after and attempt is not None and (other := self._find(pyramid, image, usual, place, attempt)):
             place, carried, self._velocity = other, other.match.centre, np.zeros(2)
             self._scale = place.match.scale
+            self._doubt.begin_again()
         found = place.match
         occluded = place.likeness < p.unsure_likeness
         hold = occluded and found.score < p.occlusion_hold * usual[0]

@@ -95,6 +95,7 @@ class TargetMemory:
             found = self._find(image, pyramid, likeness, box, attempt)
         if found is not None:
             place = found
+            self._doubt.begin_again()
             view, likeness = likeness_at(self._looks, pyramid, place.centre, place.size)
         elif self._searches and likeness >= UNSURE and (correction := self._correction(view)):
             place = settled = moved(place, correction, SETTLED)

@@ -36,8 +36,9 @@ SETTLED = 0.3
 
 SCALES = (0.65, 0.8, 1.0, 1.25, 1.55)
 """Sizes at which a lost target is searched, as shares of that at which it was last sure ..."""
-ZOOMS = (1.0, 0.42, 1.0, 2.4)
-"""... times one of these in each search: who walked past the camera comes back smaller or larger. The ranges touch."""
+ZOOMS, ZOOMS_AFTER = (1.0, 0.42, 1.0, 2.4), 8
+"""... times one of these in each search after so many: what passed the camera comes back smaller or larger. The ranges
+touch; colours alone find much at other sizes that is not the target."""
 LEAST_PX, MOST = 8.0, 1.5  # Heights that are searched, in pixels and as a share of the image's
 PEOPLE_ZOOMS = ((1.0, 0.6, 1.6), (1.0, 0.38, 2.5))
 """Sizes of people that a search looks for, as shares of the target's last one: a view shows sizes up to a third off."""
@@ -88,6 +89,11 @@ class Doubt:
                 return
         self._frames += likeness < unlike or self._frames > 0
 
+    def begin_again(self) -> None:
+        """Doubt a place that was found as a target that has just become unlike."""
+        self._frames = 1
+        self._sure = self._alike = 0
+
     def search(self, after: int) -> int | None:
         """Number of the search that is due in this frame, if the first one is due after so many frames; or None."""
         waited = self._frames - after
@@ -120,7 +126,8 @@ def search(
     if isinstance(looks, KnownPerson):
         return sorted(_people(image, pyramid, looks, size, attempt, within), key=lambda one: -one.likeness)
     found: list[Place] = []
-    for wanted in (ZOOMS[attempt % len(ZOOMS)] * scale * size for scale in SCALES):
+    zoom = ZOOMS[attempt % len(ZOOMS)] if attempt >= ZOOMS_AFTER else 1.0
+    for wanted in (zoom * scale * size for scale in SCALES):
         if not LEAST_PX < wanted[1] < MOST * image.shape[0]:
             continue
         for centre in _colour_peaks(image, colours, wanted):
