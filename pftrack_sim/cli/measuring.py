@@ -29,7 +29,7 @@ def measure(
     topic: Annotated[str | None, typer.Option(help="Of a bag with several inertial sensors.")] = None,
     out: Annotated[Path | None, typer.Option(help="TOML to write: a scenario takes it with extends.")] = None,
 ) -> None:
-    """Measure how much a robot shakes, from its own video or inertial sensor.
+    """Measure a robot's shake, from its video or gyroscope.
 
     Each number is in the units of the stress axes, with a 95 % interval; what the material does not tell is left out,
     with the reason.
