@@ -14,6 +14,7 @@ from pftrack_sim.measuring.light import measure_light
 from pftrack_sim.measuring.material import Material, camera_of
 from pftrack_sim.measuring.measured import Measured, Quantity
 from pftrack_sim.measuring.motion import MotionMeter, Step
+from pftrack_sim.measuring.noise import NoiseMeter
 from pftrack_sim.measuring.stream import measure_stream
 
 _FROZEN_PX, _SHRUNK = 0.2, 0.1
@@ -42,11 +43,14 @@ def measure_video(
     height, width = first.shape[:2]
     camera = camera_of((width, height), fovy_deg, calibration)
     meter = MotionMeter(camera.K, camera.distortion)
+    noise = NoiseMeter(material.images)
     steps: list[Step] = []
     for index in range(len(material.images)):
         hidden = material.boxes[index - 1] if material.boxes is not None and index else None
-        step = meter.step(material.images.read(index), hidden)
+        image = material.images.read(index)
+        step = meter.step(image, hidden)
         steps += [step] if step is not None else []
+        noise.add(index, image)
         on_frame()
     quantities, doubts = measure_stream(material, steps)
     left_out: dict[str, str] = {}
@@ -58,6 +62,7 @@ def measure_video(
     measures: dict[str, Callable[[], list[Quantity]]] = {
         "jitter": lambda: measure_jitter(steps, material.times_s, systematic),
         "light": lambda: measure_light(steps, material.times_s),
+        "noise": lambda: noise.measure(doubts),
     }
     for name, measure in measures.items():
         try:

@@ -1,7 +1,7 @@
 """Videos and logs of inertial sensors at known levels, measured back.
 
 `python tests/measuring/closed_circle.py [NAMES]` prints the tables of the page of measuring: for each kind of material
-how often the interval of each level holds it. Names: jitter, light, imu; all without any.
+how often the interval of each level holds it. Names: jitter, light, noise, imu; all without any.
 """
 
 from __future__ import annotations
@@ -124,8 +124,10 @@ KINDS: Sequence[tuple[str, Mapping[str, Any], int | None]] = (
 
 def row(title: str, level: str, rows: Sequence[tuple[float, bool | None]]) -> None:
     """Print a row of the table."""
-    held = sum(one is True for _, one in rows)
-    print(f"| {title} | {level} | {np.nanmean([ratio for ratio, _ in rows]):.3f} | {held} of {len(rows)} |", flush=True)  # noqa: T201
+    told = [ratio for ratio, held in rows if held is not None]
+    held = f"{sum(held is True for _, held in rows)} of {len(told)}"
+    left = f", {len(rows) - len(told)} left out" if len(told) < len(rows) else ""
+    print(f"| {title} | {level} | {np.mean(told) if told else np.nan:.3f} | {held}{left} |", flush=True)  # noqa: T201
 
 
 def jitter() -> None:
@@ -156,6 +158,20 @@ def light() -> None:
         row("robot stands, PNG", f"light falls by {ev} EV", rows)
 
 
+def noise() -> None:
+    """Gain of the sensor."""
+    seeds = itertools.count(200)
+    for title, more in (("stands", STILL), ("drives", {})):
+        for gain in (1.0, 2.0, 4.0, 8.0, 16.0):
+            settings = {**SMALL, **more, "duration_s": 1.2, "axes.noise": {"severity": 1.0, "gain": gain}}
+            rows: list[tuple[float, bool | None]] = []
+            for place in PLACES[:4]:
+                with tempfile.TemporaryDirectory() as folder:
+                    found, _ = measured_back(place, next(seeds), settings, crf=None, folder=Path(folder))
+                rows.append(level_of(found, "noise", gain))
+            row(f"robot {title}, PNG", f"gain {gain:g}", rows)
+
+
 def imu() -> None:
     """Shake from logs of an inertial sensor at the camera."""
     for accelerometer, (title, more) in itertools.product((True, False), (("stands", STILL), ("drives", {}))):
@@ -173,6 +189,6 @@ def imu() -> None:
 
 if __name__ == "__main__":
     print("| material | level | measured / true, mean | held |\n| --- | --- | --- | --- |")  # noqa: T201
-    for name, circle in {"jitter": jitter, "light": light, "imu": imu}.items():
+    for name, circle in {"jitter": jitter, "light": light, "noise": noise, "imu": imu}.items():
         if name in (sys.argv[1:] or [name]):
             circle()
