@@ -153,13 +153,13 @@ def _episode(
     return {
         "title": f"{pair.first.scenario}, {pair.first.condition.name}, seed {pair.first.seed}",
         "scores": [number_text(one.number(found.measure), 3) for one in (pair.first, pair.second)],
-        "difference": f"{pair.difference:+.3f}",
+        "difference": f"{pair.difference:+z.3f}",
         "end_s": round(end_s, 3),
         "parting_s": round(parting_s, 2),
         "start_s": round(start_s, 2),
         "lines": [_points(one.time_s / end_s, one.overlap) for one in frames],
         "covered": _covered(frames[0].time_s / end_s, frames[0].visible_fraction),
-        "videos": [{"title": title, "link": link and f"{link}#t={start_s:.2f}"} for title, link in shown],
+        "videos": [{"title": title, "link": link and f"{link}#t={max(start_s, 0.01):.2f}"} for title, link in shown],
     }
 
 

@@ -17,6 +17,7 @@ from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.records import Image
 from pftrack_sim.formats.images import video as read_video
+from pftrack_sim.formats.images import video_times
 
 FRAMES = 5
 WIDTH_PX = 320
@@ -27,7 +28,7 @@ _NAME_INCH = 0.5
 def strips(store: RunStore) -> list[dict[str, Any]]:
     """Strips of the tracker with the highest mean overlap: of its best, median and worst episode of all.
 
-    Each has a title, the tracker and its overlap, and pictures: indices of frames, and JPEG as data URIs; none where
+    Each has a title, the tracker and its overlap, and pictures: their times [s], and JPEG as data URIs; none where
     the episode has no video.
 
     Raises:
@@ -113,9 +114,9 @@ def _strip(title: str, result: Result, video: Path | None) -> dict[str, Any]:
     }
 
 
-def _pictures(video: Path) -> list[tuple[int, str]]:
-    images, _ = read_video(video)
-    return [(index, _data_uri(images.read(index))) for index in _spread(len(images))]
+def _pictures(video: Path) -> list[tuple[float, str]]:
+    (images, _), times_s = read_video(video), video_times(video)
+    return [(float(times_s[index]), _data_uri(images.read(index))) for index in _spread(len(images))]
 
 
 def _data_uri(image: Image) -> str:

@@ -79,17 +79,17 @@ class Table:
 
 def number_text(value: float, digits: int = 3) -> str:
     """A number with so many decimals, or `-` for NaN."""
-    return "-" if math.isnan(value) else f"{value:.{digits}f}"
+    return "-" if math.isnan(value) else f"{value:z.{digits}f}"
 
 
 def range_text(one: score.SeedMean, digits: int = 3, sign: str = "") -> str:
     """`0.497 (0.422 to 0.570)`, a mean with its interval, or with its values, `0.497 (0.49, 0.50)`, if it has none."""
     if not one.seeds:
         return "-"
-    mean = f"{one.mean:{sign}.{digits}f}"
+    mean = f"{one.mean:{sign}z.{digits}f}"
     if not math.isnan(one.low):
-        return f"{mean} ({one.low:{sign}.{digits}f} to {one.high:{sign}.{digits}f})"
-    values = ", ".join(f"{value:{sign}.{min(digits, 2)}f}" for value in one.values)
+        return f"{mean} ({one.low:{sign}z.{digits}f} to {one.high:{sign}z.{digits}f})"
+    values = ", ".join(f"{value:{sign}z.{min(digits, 2)}f}" for value in one.values)
     return mean if one.seeds == 1 else f"{mean} ({values})"
 
 

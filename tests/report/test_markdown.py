@@ -90,11 +90,18 @@ def test_documents_and_the_page_have_a_suite_s_table_and_its_claims(tmp_path: Pa
     assert "| `oracle` | 2 | 99.0 / 100.0 | 99.0 / 100.0 (100.0, 100.0) |" in text
     assert "Truth \\| beats a constant box. |" in text
     page = write_report(tmp_path / "run").read_text()
+    assert 'id="h-suite-1">T<' in page
     assert '<tr><th scope="row">oracle</th><td>2</td><td>99.0 / 100.0</td>' in page
     assert (
         '<td>Truth | beats a constant box.</td><td>default</td><td class="verdict-needs">needs 10 seeds</td>'
         "<td>oracle - stay +0." in page
     )
+
+
+def test_a_suite_with_nothing_to_compare_has_no_heading(tmp_path: Path):
+    (tmp_path / "bare.toml").write_text(SUITE.partition("[[tables]]")[0])
+    run(plan_all([str(tmp_path / "bare.toml")]), tmp_path / "run", videos="none", workers=0)
+    assert "h-suite" not in write_report(tmp_path / "run").read_text()
 
 
 def test_a_document_without_blocks_is_refused(tmp_path: Path):

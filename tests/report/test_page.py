@@ -61,6 +61,8 @@ def test_it_opens_from_disk_and_ranks(opened: Any):
     assert "first box" in opened.locator("#board th", has_text="stay").first.get_attribute("title")
     assert opened.locator("#axes .plot").count() == 1
     assert opened.locator(".strip img").count() >= 5
+    seconds = opened.locator(".strip").first.locator("small").all_inner_texts()
+    assert [seconds[0], seconds[-1]] == ["0.0 s", "0.8 s"]
 
 
 @pytest.mark.parametrize("width", [390, 1280])

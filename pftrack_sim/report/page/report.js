@@ -68,7 +68,7 @@ function perSeed(rows, column) {
 }
 
 function number(value, digits = 2) {
-  return value === null || value === undefined || !Number.isFinite(value) ? "\u2013" : value.toFixed(digits);
+  return value === null || value === undefined || !Number.isFinite(value) ? "\u2013" : value.toFixed(digits).replace(/^-(?=[0.]*$)/, "");
 }
 
 function layout(x, y, more = {}) {
@@ -355,8 +355,8 @@ function drawSpeed() {
   }).filter(Boolean).sort((a, b) => a[1] - b[1]);
   const names = bars.map(([tracker]) => escaped(DATA.trackers[tracker]));
   Plotly.react("speed", [{ type: "bar", orientation: "h", y: names, x: bars.map((bar) => bar[1]),
-    marker: { color: bars.map(([tracker]) => colour(tracker)) }, text: bars.map((bar) => number(bar[1], 2)), textposition: "auto" }],
-  layout("ms per frame", "", { height: 24 * bars.length + 120, xaxis: { rangemode: "tozero" }, yaxis: { automargin: true, autorange: "reversed" } }), CONFIG);
+    marker: { color: bars.map(([tracker]) => colour(tracker)) }, text: bars.map((bar) => number(bar[1], 2)), textposition: "outside", cliponaxis: false }],
+  layout("ms per frame", "", { height: 24 * bars.length + 120, margin: { r: 44 }, xaxis: { rangemode: "tozero" }, yaxis: { automargin: true, autorange: "reversed" } }), CONFIG);
 }
 
 function drawAll() { drawAnswers(); drawBoards(); drawCurves(); drawAxes(); drawLosses(); drawEpisode(); drawSpeed(); }

@@ -152,7 +152,8 @@ function drawLosses() {
   const frames = moments.reduce((sum, row) => sum + row[2], 0);
   byId("losses-body").hidden = !losses.length;
   byId("losses-none").hidden = losses.length > 0;
-  const order = [...DATA.tags.keys()].sort((a, b) => shareOf(losses, b) - shareOf(losses, a));
+  const order = [...DATA.tags.keys()].filter((tag) => losses.some((loss) => has(loss, tag))).sort((a, b) => shareOf(losses, b) - shareOf(losses, a));
+  byId("shares").hidden = !order.length;
   fillTable(byId("shares"), ["of the losses begin with", ...trackers.map((tracker) => `${DATA.trackers[tracker]} (${losses.filter((loss) => loss[0] === tracker).length})`), `all frames (${frames})`],
     order.map((tag) => [element("th", DATA.tags[tag][0], { scope: "row", title: DATA.tags[tag][1] }),
       ...trackers.map((tracker) => percent(shareOf(losses.filter((loss) => loss[0] === tracker), tag))),
