@@ -78,6 +78,7 @@ def main() -> None:
             f"processor time per frame {1000.0 * processor_s / frames:.0f} ms, "
             f"{processor_s / frames / alone_s:.2f} times the session alone ({1000.0 * alone_s:.0f} ms)\n"
         )
+        page.get_by_role("tab", name="Stress axes").click()
         handle = slider(page, "noise [x analogue gain]")
         handle.focus()
         for pull in range(given.pulls):
