@@ -143,4 +143,6 @@ def test_the_site_builds_with_every_page_and_link(tmp_path: Path):
         sizes = ['width="' in image for image in drawn]
         assert sizes, page
         assert all(sizes), f"{page}: nothing moves while pictures load"
+    first = (tmp_path / "site" / "first-benchmark" / "index.html").read_text(encoding="utf-8")
+    assert '<span class="whole">--seed</span>' in first, "no name of an option is broken"
     assert (tmp_path / "site" / "results" / "index.html").read_text(encoding="utf-8").count("<details>") == 8

@@ -19,6 +19,8 @@ WIDTH = 88
 """Of the help of commands, in characters: as many as a page shows."""
 
 IMAGES = re.compile(r'<img [^>]*?src="([^"]+)"[^>]*>')
+CODE = re.compile(r"<code.*?</code>", re.DOTALL)
+OPTIONS = re.compile(r"(?<=[\s>\[(,])--[a-z][\w-]*")
 TABLES = re.compile(r"^<!-- (?P<kind>tables|list) of .*? -->\n(?P<body>.*?)<!-- end -->", re.MULTILINE | re.DOTALL)
 SPACES = re.compile(r"^<!-- spaces of (\S+) -->$", re.MULTILINE)
 
@@ -29,8 +31,10 @@ def on_files(files: Files, config: Any) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Write spaces, axes and scenarios where a page asks for them, and fold the tables of runs."""
+    if page.parent is None:  # beside a page of its own tab there is nothing else to go to
+        page.meta.setdefault("hide", ["navigation"])
     for kind, written in (("axes", axes), ("scenarios", scenarios)):
         mark = f"<!-- gallery of {kind} -->"
         markdown = markdown.replace(mark, written()) if mark in markdown else markdown
@@ -45,7 +49,7 @@ def folded(found: re.Match[str]) -> str:
 
 
 def on_page_content(html: str, page: Any, **_: Any) -> str:
-    """Say the size of every picture, so that nothing moves while it loads."""
+    """Say the size of every picture, so that nothing moves while it loads, and keep names of options in one line."""
 
     def sized(found: re.Match[str]) -> str:
         # Links are those of the site by now, where a page may be a folder of its own.
@@ -60,6 +64,7 @@ def on_page_content(html: str, page: Any, **_: Any) -> str:
                 width, height = str(picture.width), str(picture.height)
         return f'<img width="{width}" height="{height}"{found[0][4:]}'
 
+    html = CODE.sub(lambda code: OPTIONS.sub(r'<span class="whole">\g<0></span>', code[0]), html)
     return IMAGES.sub(sized, html)
 
 
