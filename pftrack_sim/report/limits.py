@@ -23,6 +23,7 @@ from pftrack_sim.report.html import render
 from pftrack_sim.report.tables import Table
 
 _WIDTH, _HEIGHT, _LEFT = 600.0, 220.0, 30.0  # of a plot; the level 0 stands at its left edge
+_NAME_HEIGHT = 14.0  # of a name at the end of a curve
 _GROUPS = 14  # Points of a curve
 _TICKS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
 
@@ -186,6 +187,7 @@ def _plot(limits: Sequence[Limit], videos: dict[tuple[str, str, int], str]) -> d
             "point": point_text(one),
             "interval": interval_text(one),
             "curve": curve,
+            "end": _height(one.curve[-1][1]) if one.curve else 0.0,
             "points": points,
             "ends": [round(end, 1) for end in ends] if known else None,
             "mark": round(place(one.breaking_point), 1) if one.breaking_point is not None else None,
@@ -202,8 +204,23 @@ def _plot(limits: Sequence[Limit], videos: dict[tuple[str, str, int], str]) -> d
         "axis": first.axis,
         "unit": first.unit,
         "ticks": [(round(place(float(one)), 1), f"{one:.3g}") for one in ticks],
-        "trackers": [drawn(one) for one in limits],
+        "trackers": _named([drawn(one) for one in limits]),
+        "height": max(_HEIGHT + 22.0, _NAME_HEIGHT * (len(limits) + 1)),
+        "room": 8 * max(len(one.tracker) for one in limits),
     }
+
+
+def _named(trackers: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Trackers with the height of their names, each at the end of its curve but not over another."""
+    order = sorted(trackers, key=lambda one: one["end"])
+    lowest = -math.inf
+    for one in order:
+        lowest = one["name_y"] = max(lowest + _NAME_HEIGHT, one["end"] + 4.0)
+    highest = max(_HEIGHT, _NAME_HEIGHT * len(order))
+    for one in reversed(order):  # back into the plot
+        one["name_y"] = round(min(one["name_y"], highest), 1)
+        highest = one["name_y"] - _NAME_HEIGHT
+    return trackers
 
 
 def _height(rate: float) -> float:

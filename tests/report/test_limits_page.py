@@ -120,7 +120,13 @@ def test_the_page_shows_curves_and_the_episodes_next_to_a_limit(tmp_path: Path):
     assert "What breaks first" in text
     links = re.findall(r'<video src="([^"]+)"', text)
     assert len(links) == len(shown)
-    assert all((page.parent / link).is_file() for link in links)
+    assert all(link.endswith("#t=0.01") and (page.parent / link[:-7]).is_file() for link in links), "with a poster"
     assert not re.search(r"(?:src|href)=\"(?:https?:)?//", text)
     for limit in found.limits:
-        assert point_text(limit) in text
+        assert f"<strong>{point_text(limit)}</strong><span>{limit.unit}, {limit.axis} in corridor" in text
+    curves = text.split('<svg class="limit"')[1:]
+    for curve in curves:
+        names = dict(re.findall(r'<text x="602.0" y="([\d.]+)">(ncc|stay)</text>', curve))
+        assert sorted(names.values()) == ["ncc", "stay"]
+        one, other = map(float, names)
+        assert abs(one - other) >= 14.0, "no name covers another"
