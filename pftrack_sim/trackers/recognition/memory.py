@@ -7,7 +7,7 @@ tracker (Kalal, Mikolajczyk and Matas 2012, "Tracking-learning-detection").
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -85,33 +85,46 @@ class TargetMemory:
     def judge(self, image: Image, box: Box) -> Judgement:
         """Judge the `(4,)` box [px] that a tracker estimates in the next image, and learn from it if it is sure."""
         pyramid = ImagePyramid(image)
-        place = _place(box, image)
-        view, likeness = likeness_at(self._looks, pyramid, place.centre, place.size)
-        self._doubt.see(likeness)
-        self._missed = 0 if likeness >= UNSURE else self._missed + 1
+        view, place = self._seen(pyramid, estimated := _place(box, image))
+        now = None if place.size is estimated.size or place.likeness < UNSURE else place
+        self._doubt.see(place.likeness)
+        self._missed = 0 if place.likeness >= UNSURE else self._missed + 1
         attempt = self._doubt.search(SEARCH_AFTER if self._is_hidden(view) else PERSON_AFTER)
-        found = settled = None
+        found = None
         if self._searches and attempt is not None:
-            found = self._find(image, pyramid, likeness, box, attempt)
+            found = self._find(image, pyramid, place.likeness, box, attempt)
         if found is not None:
-            place = found
+            now = place = found
             self._doubt.begin_again()
-            view, likeness = likeness_at(self._looks, pyramid, place.centre, place.size)
-        elif self._searches and likeness >= UNSURE and (correction := self._correction(view)):
-            place = settled = moved(place, correction, SETTLED)
-        trust = ramp(likeness, UNSURE, SURE)
+            view, _ = likeness_at(self._looks, pyramid, place.centre, place.size)
+        elif now is None and place.likeness >= UNSURE and (correction := self._correction(view)):
+            now = place = moved(place, correction, SETTLED)
+        trust = ramp(place.likeness, UNSURE, SURE)
         if trust > 0.0:
             self._centre, self._size = place.centre, place.size
             if not self._doubt:
                 self._looks.learn(view, trust)
                 self._learn_colours(pyramid, COLOUR_RATE * trust)
-        now = found or settled
         return Judgement(
-            ramp(likeness, UNLIKE, 1.0),
-            likeness < UNSURE and self._is_hidden(view),
+            ramp(place.likeness, UNLIKE, 1.0),
+            place.likeness < UNSURE and self._is_hidden(view),
             None if now is None else _box(now),
             found is not None,
         )
+
+    def _seen(self, pyramid: ImagePyramid, place: Place) -> tuple[Any, Place]:
+        """How a place looks, and its likeness; or those of the person in it, where that is more like the target.
+
+        A box beside its target, or of another size, is unlike the target.
+        """
+        view, likeness = likeness_at(self._looks, pyramid, place.centre, place.size)
+        known = self._looks
+        if self._searches and likeness < SURE and isinstance(known, KnownPerson) and (off := known.off(view)):
+            fitted = moved(place, off)
+            seen, alike = likeness_at(known, pyramid, fitted.centre, fitted.size)
+            if alike > likeness:
+                return seen, fitted._replace(likeness=alike)
+        return view, place._replace(likeness=likeness)
 
     def _is_hidden(self, view: object) -> bool:
         """Whether most of a person is hidden; of other targets all that is known is how alike they are."""
@@ -132,7 +145,9 @@ class TargetMemory:
 
     def _correction(self, view: object) -> tuple[FloatArray, float] | None:
         known = self._looks
-        return known.correction(view) if isinstance(known, KnownPerson) and isinstance(view, PersonView) else None
+        if not (self._searches and isinstance(known, KnownPerson) and isinstance(view, PersonView)):
+            return None
+        return known.correction(view)
 
     def _learn_colours(self, pyramid: ImagePyramid, rate: float) -> None:
         side = max(SURROUND * math.sqrt(float(self._size.prod())), 1.3 * float(self._size.max()))
