@@ -29,6 +29,9 @@ STUCK_S, STUCK_M_S = 1.5, 0.15
 FACES_RAD = math.radians(45.0)
 
 LOOK_S = 1.5  # Time at that angle before the sweep
+LOOKS_S, WIDE_RAD = 2.0, math.radians(60.0)
+"""A robot that drives to the last place sweeps on its way from this time after the loss, first by this angle: who has
+turned round a corner is beside the way."""
 SWEEP_S = 6.0  # Period of the sweep: at an amplitude of 60 degrees the view moves at most 63 degrees/s
 
 SWEEP_GROWTH_RAD_S = math.radians(10.0)
@@ -40,8 +43,8 @@ class TargetSearch:
 
     The target's last places are stored in the odometry frame. For `PATIENCE_S` the last motion decays. A robot that
     `drives` then goes to the last place and `LEAD_S` of the target's motion beyond until it has arrived or cannot get
-    nearer, and looks where the target would be by now. There the view sweeps about that direction with growing
-    amplitude, the base turning after the head, until the target is visible again. Without `drives` the head first looks
+    nearer, and looks where the target would be by now. From `LOOKS_S` on the view sweeps about that direction with
+    growing amplitude, after the drive with the base turning after the head, until the target is visible again. Without `drives` the head first looks
     `OVERSHOOT_RAD` past the target's last direction for `LOOK_S`, to the side to which it was moving, and sweeps about
     that direction. The inner controller estimates the distance and defines when the target is lost.
 
@@ -95,18 +98,20 @@ class TargetSearch:
         if self._direction_rad is None:
             self._direction_rad = heading + pan
         way = self._way(proprio, position)
+        forward, turn, swing = 0.0, pan / TURN_S, 0.0
         if way is not None:
             ahead_m, direction = way
             bearing = math.remainder(direction - heading, 2.0 * math.pi)
             self.wanted_m_s = min(max(ahead_m / DISTANCE_S, STUCK_M_S), float(self._robot.limits[0]))
             forward, turn = self.wanted_m_s * max(math.cos(bearing), 0.0), bearing / TURN_S
-            error = math.remainder(self._direction_rad - heading - pan, 2.0 * math.pi)
-        else:
-            ahead = self._drives and self._searching_s < LOOK_S
-            look = self._direction_rad + (0.0 if ahead else self._side * self.sweep_rad(self._searching_s))
+        if not self._drives:
+            swing = self.sweep_rad(self._searching_s)
+        elif self._lost_s > LOOKS_S:
+            swing = self.sweep_rad(LOOK_S + self._searching_s, WIDE_RAD)
+        if not self._drives or self._lost_s > LOOKS_S:
             self._searching_s += self._robot.frame_s
-            # In the direction of the sweep, not by the shorter turn: a look backwards does not jump from side to side.
-            forward, turn, error = 0.0, pan / TURN_S, math.remainder(look - heading - pan, 2.0 * math.pi)
+        # In the direction of the sweep, not by the shorter turn: a look backwards does not jump from side to side.
+        error = math.remainder(self._direction_rad + self._side * swing - heading - pan, 2.0 * math.pi)
         yaw_rate = float(proprio[PROPRIO_INDEX["gyro_z_rad_s"]])
         tilt = float(proprio[PROPRIO_INDEX["tilt_rad"]])
         rates = np.array([forward, turn, error / GAZE_S - yaw_rate, -tilt / (4.0 * GAZE_S)])
@@ -139,12 +144,12 @@ class TargetSearch:
         return min(self._lost_s, WALKS_S)
 
     @staticmethod
-    def sweep_rad(searching_s: float) -> float:
+    def sweep_rad(searching_s: float, first_rad: float = OVERSHOOT_RAD) -> float:
         """Angle past the last direction, to the side where the target left, after this time of the search."""
         if searching_s < LOOK_S:
-            return OVERSHOOT_RAD
+            return first_rad
         sweeping_s = searching_s - LOOK_S
-        amplitude = min(OVERSHOOT_RAD + SWEEP_GROWTH_RAD_S * sweeping_s, MAX_AMPLITUDE_RAD)
+        amplitude = min(first_rad + SWEEP_GROWTH_RAD_S * sweeping_s, MAX_AMPLITUDE_RAD)
         return amplitude * math.cos(2.0 * math.pi * sweeping_s / SWEEP_S)
 
     def _remember(self, direction_rad: float, axis_rad: float) -> None:
