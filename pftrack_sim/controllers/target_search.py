@@ -42,11 +42,12 @@ class TargetSearch:
     """Follows by visual servoing; while the target is lost, drives to where it was last seen, then looks around.
 
     The target's last places are stored in the odometry frame. For `PATIENCE_S` the last motion decays. A robot that
-    `drives` then goes to the last place and `LEAD_S` of the target's motion beyond until it has arrived or cannot get
-    nearer, and looks where the target would be by now. From `LOOKS_S` on the view sweeps about that direction with
-    growing amplitude, after the drive with the base turning after the head, until the target is visible again. Without `drives` the head first looks
-    `OVERSHOOT_RAD` past the target's last direction for `LOOK_S`, to the side to which it was moving, and sweeps about
-    that direction. The inner controller estimates the distance and defines when the target is lost.
+    `drives` then goes to the last place and `LEAD_S` of the target's motion beyond until it has arrived or cannot
+    get nearer, and looks where the target would be by now. From `LOOKS_S` on the view sweeps about that direction
+    with growing amplitude, after the drive with the base turning after the head, until the target is visible again.
+    Without `drives` the head first looks `OVERSHOOT_RAD` past the target's last direction for `LOOK_S`, to the side
+    to which it was moving, and sweeps about that direction. The inner controller estimates the distance and defines
+    when the target is lost.
 
     Args:
         inner: Follows the target while it is visible.
