@@ -4,6 +4,7 @@ import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from plots import PLOTS, draw
 from pftrack_sim import scenario
 from pftrack_sim.cli.app import app
 from pftrack_sim.scenario.axes import axes_by_name
+from tests.contrast import faint_texts
 
 DOCS = Path(__file__).parent.parent / "docs"
 WITHOUT_PICTURE = ("detector",)
@@ -125,24 +127,43 @@ def test_files_and_functions_that_pages_name_exist():
     assert named > 30
 
 
-@pytest.mark.slow
-def test_the_site_builds_with_every_page_and_link(tmp_path: Path):
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder above `site`, which is built without a warning."""
     pytest.importorskip("mkdocs", reason="the extra docs is not installed")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    folder = tmp_path_factory.mktemp("built")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder / "site")]
     done = subprocess.run(command, cwd=DOCS.parent, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    text = (tmp_path / "site" / "cli" / "index.html").read_text(encoding="utf-8")
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_texts_of_the_site_can_be_read(site: Path, launch_chromium: Callable[..., Any], scheme: str):
+    browser = launch_chromium()
+    for name in ("", "results/", "cli/", "environments/track/"):
+        page = browser.new_page(color_scheme=scheme)
+        page.goto((site / f"site/{name}index.html").as_uri())
+        page.wait_for_timeout(500)  # the palette is chosen by a script
+        assert faint_texts(page, 30) == [], name
+    browser.close()
+
+
+@pytest.mark.slow
+def test_the_site_builds_with_every_page_and_link(site: Path):
+    text = (site / "site" / "cli" / "index.html").read_text(encoding="utf-8")
     assert "pftrack-sim studio" in text
     assert "Root seed of the episode" in text
-    track = (tmp_path / "site" / "environments" / "track" / "index.html").read_text(encoding="utf-8")
+    track = (site / "site" / "environments" / "track" / "index.html").read_text(encoding="utf-8")
     assert "BoundingBox(640, 480)" in track
     assert "rgb_array_list" in track
     for page in ("results", "gallery", "index"):
-        text = (tmp_path / "site" / page.removeprefix("index") / "index.html").read_text(encoding="utf-8")
+        text = (site / "site" / page.removeprefix("index") / "index.html").read_text(encoding="utf-8")
         drawn = re.findall(r"<img[^>]+pictures/[^>]+(?:webp|png|jpg|results/\w+\.svg)[^>]*>", text)
         sizes = ['width="' in image for image in drawn]
         assert sizes, page
         assert all(sizes), f"{page}: nothing moves while pictures load"
-    first = (tmp_path / "site" / "first-benchmark" / "index.html").read_text(encoding="utf-8")
+    first = (site / "site" / "first-benchmark" / "index.html").read_text(encoding="utf-8")
     assert '<span class="whole">--seed</span>' in first, "no name of an option is broken"
-    assert (tmp_path / "site" / "results" / "index.html").read_text(encoding="utf-8").count("<details>") == 8
+    assert (site / "site" / "results" / "index.html").read_text(encoding="utf-8").count("<details>") == 8

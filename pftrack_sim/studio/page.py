@@ -25,8 +25,15 @@ _PICTURES_HZ, _SCENE_HZ, _STATE_HZ = 30.0, 12.0, 4.0
 _SIDE_PX, _LEAST_PX, _SHARE_OF_WINDOW = 300, 420, 0.46
 """Width of the panel of settings; least width of that of the picture, and its share of the window."""
 
-_STYLE = "<style>img[src^='blob:'] { width: 100% }</style>"
-"""Lets the picture fill its panel: viser shows none larger than its pixels."""
+_STYLE = """<style>
+img[src^='blob:'] { width: 100% }
+:root { --mantine-color-dimmed: #59616a !important; --mantine-color-blue-6: #1668b8 !important; }
+:root[data-mantine-color-scheme='dark'] { --mantine-color-dimmed: #adadad !important; }
+:root[data-mantine-color-scheme='dark'] [role='tab'][aria-selected='true'] span { color: #74c0fc; }
+.mantine-Slider-markLabel, .mantine-Notification-description { color: var(--mantine-color-dimmed) !important; }
+p.mantine-Text-root { opacity: 1 !important; }
+</style>"""
+"""Lets the picture fill its panel, as viser shows none larger than its pixels, and raises the contrast of texts."""
 
 _SPAN_S = 12.0
 _TRUTH = "truth"

@@ -8,6 +8,7 @@ import pytest
 from small_report import HOSTILE, until
 
 from pftrack_sim import report, score
+from tests.contrast import faint_texts
 
 CENTRE_OF_FRAME = """frame => {
     const plot = document.getElementById('overlap'), box = plot.getBoundingClientRect(), full = plot._fullLayout;
@@ -70,6 +71,17 @@ def test_nothing_moves_while_it_loads(show: Callable[..., Any], finished: Path, 
     page = show(report.write_report(finished), width)
     until(page, "document.getElementById('video').readyState >= 1")
     assert page.evaluate(SHIFTED) < 0.01
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_texts_can_be_read(show: Callable[..., Any], finished: Path, scheme: str):
+    page = show(report.write_report(finished))
+    page.emulate_media(color_scheme=scheme)
+    page.wait_for_timeout(500)  # plots are drawn again
+    page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    assert faint_texts(page, 100) == []
+    page.evaluate("document.getElementById('extent').style.color = 'rgb(128, 128, 128)'")
+    assert len(faint_texts(page, 100)) == 1 or scheme == "dark"
 
 
 def test_intervals_are_those_of_the_tables(opened: Any):

@@ -17,6 +17,7 @@ from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.studio import Settings, Studio
 from pftrack_sim.trackers import registry
+from tests.contrast import faint_texts
 
 pytest.importorskip("viser", reason="the extra studio is not installed")
 
@@ -152,6 +153,14 @@ def test_a_click_on_somebody_in_the_scene_tracks_that_person(page: Any, studio: 
 
     until(tracked, "the click")
     assert studio.player.moment.truth.name == person
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_texts_can_be_read(page: Any, scheme: str):
+    page.evaluate("scheme => document.documentElement.setAttribute('data-mantine-color-scheme', scheme)", scheme)
+    page.wait_for_timeout(500)  # colours fade into each other
+    assert faint_texts(page, 20) == []
 
 
 @pytest.mark.slow
