@@ -66,6 +66,13 @@ def test_it_opens_from_disk_and_ranks(opened: Any):
     assert [seconds[0], seconds[-1]] == ["0.0 s", "0.8 s"]
 
 
+def test_answers_begin_with_mark_and_name(opened: Any):
+    for line in opened.locator("#answers li").all():
+        mark, name, share = (line.locator(part).bounding_box() for part in (".swatch", "b", "strong"))
+        assert mark["x"] < name["x"] < share["x"]
+        assert abs(mark["y"] - name["y"]) < 20
+
+
 @pytest.mark.parametrize("width", [390, 1280])
 def test_nothing_moves_while_it_loads(show: Callable[..., Any], finished: Path, width: int):
     page = show(report.write_report(finished), width)

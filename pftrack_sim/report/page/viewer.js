@@ -125,8 +125,8 @@ function drawAnswers() {
     if (drives.length) told.push(`follows to the end in ${drives.filter((one) => one > 0).length} of ${drives.length} drives`);
     if (seen.length) told.push(`holds the target in ${seen.filter((row) => row[3] && !ended.has(row[1])).length} of ${seen.length} episodes`);
     const tag = [...DATA.tags.keys()].sort((one, other) => (shareOf(other) - usual(other)) - (shareOf(one) - usual(one)))[0];
-    if (own.length && shareOf(tag) > usual(tag)) told.push(`${percent(shareOf(tag))} of its ${own.length} losses begin with: ${DATA.tags[tag][0]} (${percent(usual(tag))} of all ${frames} frames)`);
-    else if (own.length) told.push(`${own.length} losses`);
+    if (own.length && shareOf(tag) > usual(tag)) told.push(`${own.length === 1 ? "its loss begins" : `${percent(shareOf(tag))} of its ${own.length} losses begin`} with: ${DATA.tags[tag][0]} (${percent(usual(tag))} of all ${frames} frames)`);
+    else if (own.length) told.push(`${own.length} ${own.length === 1 ? "loss" : "losses"}`);
     if (untracked) told.push(`never tracks the target in ${untracked} of ${seen.length} episodes`);
     if (errors) told.push(`ends with an error in ${errors} of ${seen.length || rows.length} episodes`);
     return { tracker, overlap: overlaps.length ? mean(overlaps) : null, told };
