@@ -118,7 +118,6 @@ def panel_at(frames: Sequence[Frame], time_s: float) -> Image:
 
 
 SIZE = {"camera.width_px": CAMERA_PX, "camera.height_px": HEIGHT_PX}
-SHEETS = 96
 STORY = ("pftrack", "ko2012")
 Value: TypeAlias = Callable[[Frame, Estimate], float]
 
@@ -136,7 +135,7 @@ def tracking_story(name: str, seed: int, until_s: float) -> list[Image]:
     runners = make_runners([TrackerSpec(name=name) for name in STORY], seed=0)
     with Simulation(scenario.load(name, SIZE)) as simulation:
         simulation.reset(seed)
-        story = Story(simulation.world.model, STORY, until_s, (0.0, 1.0), "overlap with the truth")
+        story = Story(simulation.world.model, STORY, (0.0, until_s), (0.0, 1.0), "overlap with the truth")
 
         def add(step: Step) -> None:
             frame, found = step.sample.frame, {runner.spec.label: runner.estimates[-1] for runner in runners}
@@ -158,36 +157,46 @@ def distance_m(frame: Frame, _: Estimate) -> float:
     return frame.truth.distance_m
 
 
-ENVIRONMENTS: tuple[tuple[str, str, str, str, Callable[[], Any], Value, str, tuple[float, float]], ...] = (
+ENVIRONMENTS: tuple[
+    tuple[str, str, str, str, Callable[[Any], Any], Value, str, tuple[float, float], int, tuple[float, float]], ...
+] = (
     (
         "track",
         "pftrack_sim/Track-v0",
         "corridor",
         "ko2012",
-        lambda: policies.TrackingPolicy(trackers.make("ko2012", seed=0)),
+        lambda _: policies.TrackingPolicy(trackers.make("ko2012", seed=0)),
         overlap,
         "overlap with the truth",
         (0.0, 1.0),
+        5,
+        (0.0, 4.8),
     ),
     (
         "follow",
         "pftrack_sim/Follow-v0",
         "follow/warehouse",
-        "oracle",
-        lambda: policies.FollowPolicy(trackers.make("oracle"), controllers.make("servo")),
+        "ko2012",
+        lambda robot: policies.FollowPolicy(
+            trackers.make("ko2012", seed=40, recognition="search"), controllers.make("servo-avoid"), robot
+        ),
         distance_m,
         "distance [m]",
         (0.0, 6.0),
+        40,
+        (31.8, 37.4),
     ),
     (
         "track-and-follow",
         "pftrack_sim/TrackAndFollow-v0",
         "follow/street",
         "pftrack",
-        lambda: policies.TrackAndFollowPolicy(trackers.make("pftrack", seed=0), controllers.make("servo")),
+        lambda robot: policies.TrackAndFollowPolicy(trackers.make("pftrack", seed=0), controllers.make("servo"), robot),
         overlap,
         "overlap with the truth",
         (0.0, 1.0),
+        5,
+        (0.0, 4.8),
     ),
 )
 
@@ -196,29 +205,30 @@ def environment_story(
     env_id: str,
     scene: str,
     label: str,
-    make_policy: Callable[[], Any],
+    make_policy: Callable[[Any], Any],
     value: Value,
     title: str,
     limits: tuple[float, float],
+    seed: int,
+    span_s: tuple[float, float],
 ) -> list[Image]:
     """Some seconds of an environment, five sheets a second."""
     sheets: list[Image] = []
-    with gym.make(env_id, scenario=scene, overrides={**SIZE, "camera.rate_hz": 20}) as env:
-        policy = make_policy()
-        observation, info = env.reset(seed=5)
+    chosen = {**SIZE, "camera.rate_hz": 15}
+    with gym.make(env_id, scenario=scene, overrides=chosen) as env:
+        policy = make_policy(policies.robot_parameters(scenario.load(scene, chosen).resolve(seed)))
+        observation, info = env.reset(seed=seed)
         simulation = env.unwrapped.simulation  # type: ignore[attr-defined]
-        story = Story(simulation.world.model, [label], SHEETS / 20, limits, title)
-        for _ in range(SHEETS):
+        story = Story(simulation.world.model, [label], span_s, limits, title)
+        while simulation.frame.time_s <= span_s[1]:
             action = policy(observation) if env_id.endswith("Track-v0") else policy(observation, info)
-            sheets.append(
-                story.sheet(
-                    simulation.frame, {label: policy.estimate}, {label: value(simulation.frame, policy.estimate)}
-                )
-            )
+            frame = simulation.frame
+            if frame.time_s >= span_s[0] and frame.index % 3 == 0:
+                sheets.append(story.sheet(frame, {label: policy.estimate}, {label: value(frame, policy.estimate)}))
             observation, _, terminated, truncated, info = env.step(action)
             if terminated or truncated:
                 break
-    return sheets[::4]
+    return sheets
 
 
 CARD_SCENARIOS = ("hall", "street-night", "park", "warehouse", "real-market", "corridor")

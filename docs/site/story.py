@@ -30,13 +30,18 @@ class Story:
     Args:
         model: That of the scene, whose solid things are on the map.
         labels: Names of curves; those of trackers have their colours.
-        duration_s: Length of the time axis.
+        span_s: Begin and end of the time axis.
         limits: Of the curves' axis.
         title: What the curves are.
     """
 
     def __init__(
-        self, model: mujoco.MjModel, labels: Sequence[str], duration_s: float, limits: tuple[float, float], title: str
+        self,
+        model: mujoco.MjModel,
+        labels: Sequence[str],
+        span_s: tuple[float, float],
+        limits: tuple[float, float],
+        title: str,
     ) -> None:
         styles = styles_of(labels)
         self._colours = {label: tuple(channel / 255 for channel in styles[label].colour) for label in labels}
@@ -53,7 +58,7 @@ class Story:
             label: self._curves.plot([], [], color=self._colours[label], linewidth=1.6, solid_capstyle="round")[0]
             for label in labels
         }
-        self._curves.set(xlim=(0.0, duration_s), ylim=limits)
+        self._curves.set(xlim=span_s, ylim=limits)
         self._curves.set_title(title, color=_INK, fontsize=8, loc="left", pad=4)
         self._curves.set_xlabel("seconds", color=_INK, fontsize=7, labelpad=1)
         self._curves.tick_params(colors=_INK, labelsize=7, length=2)
