@@ -37,7 +37,7 @@ def test_one_click_shows_the_video_at_the_loss(show: Callable[..., Any], lost: P
     line = page.locator("#losses tbody tr").first
     assert line.locator("th").inner_text() == "stay"
     assert line.locator("a").get_attribute("href").endswith(f".mp4#t={max(loss[2] - 1.0, 0.0):.2f}")
-    assert "of its" in page.locator("#answers").inner_text()
+    assert "its loss begins with: " in page.locator("#answers").inner_text(), "one loss is no share of its losses"
     assert page.locator("#shares tbody tr").count() == len(TAGS)
     shown = f"Math.abs(document.getElementById('video').currentTime - {max(loss[2] - 1.0, 0.0)}) < 0.11"
     page.evaluate("document.getElementById('video').currentTime = 2.9")
