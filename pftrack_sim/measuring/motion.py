@@ -21,8 +21,8 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
 
-PARTS = 4
-"""Fits of their own: the cells of either colour of a chessboard, and the upper and the lower half of the image."""
+PARTS = 2
+"""Fits of their own: the cells of either colour of a chessboard."""
 
 _CELLS = (8, 6)  # Columns and rows of the image in which corners are looked for
 _PER_CELL = 8
@@ -42,6 +42,7 @@ class Step:
         parts: `(PARTS, 3)` the same from the corners of a part of the image each; NaN where there are too few.
         corners: Number of corners followed.
         share: Share of them that belong to the static background.
+        sheared: `(2,)` how much more the bottom row has pitched and yawed than the top row [rad]; NaN if unknown.
         cells: Number of the 48 cells of the image with such corners.
         stops: `(2,)` change of the brightness of the same surfaces [EV], for a display's curve of tones and for film's;
             NaN if unknown.
@@ -50,6 +51,7 @@ class Step:
 
     rotation: FloatArray
     parts: FloatArray
+    sheared: FloatArray
     corners: int
     share: float
     cells: int
@@ -89,7 +91,9 @@ class MotionMeter:
         first, second = _followed(before, grey, shift, hidden)
         difference = float(np.abs(before.astype(np.int16) - grey).mean())
         unknown = np.full(3, np.nan)
-        nothing = Step(unknown, np.full((PARTS, 3), np.nan), len(first), 0.0, 0, np.full(2, np.nan), difference)
+        nothing = Step(
+            unknown, np.full((PARTS, 3), np.nan), unknown[:2], len(first), 0.0, 0, np.full(2, np.nan), difference
+        )
         if len(first) < _LEAST:
             return nothing
         a, b = (
@@ -97,16 +101,21 @@ class MotionMeter:
         )
         middle, flow = 0.5 * (a + b), b - a
         pixel = 1.0 / float(self._K[0, 0])
-        static = _consensus(middle, flow, pixel, self._rng)
+        errors = _consensus(middle, flow, pixel, self._rng)
+        static, loose = errors < 1.5 * pixel, errors < 4.0 * pixel
         rotation, static = _robust(middle, flow, static, pixel)
         cells = _cell(first, grey.shape)
         occupied = len(np.unique(cells[static]))
         wide = len(np.unique(cells[static] % _CELLS[0])) >= _LEAST_COLUMNS
         stops = _stops(before, grey, first[static], second[static])
         if static.sum() < _LEAST or static.mean() < _LEAST_SHARE or occupied < _LEAST_CELLS or not wide:
-            return Step(unknown, nothing.parts, len(first), float(static.mean()), occupied, stops, difference)
+            return Step(
+                unknown, nothing.parts, unknown[:2], len(first), float(static.mean()), occupied, stops, difference
+            )
         parts = np.array([_robust(middle, flow, static & part, pixel)[0] for part in _parts(cells)])
-        return Step(rotation, parts, len(first), float(static.mean()), occupied, stops, difference)
+        rows = 0.5 * (first + second)[:, 1] / grey.shape[0] - 0.5
+        sheared = _robust(middle, flow, loose, pixel, rows)[0][-2:]
+        return Step(rotation[:3], parts[:, :3], sheared, len(first), float(static.mean()), occupied, stops, difference)
 
 
 def _followed(
@@ -166,8 +175,8 @@ def _cell(points: FloatArray, shape: tuple[int, ...]) -> NDArray[np.intp]:
 def _parts(cells: NDArray[np.intp]) -> tuple[NDArray[np.bool_], ...]:
     """Which of the cells belong to each part."""
     row, column = np.divmod(cells, _CELLS[0])
-    black, upper = (row + column) % 2 == 0, row < _CELLS[1] // 2
-    return black, ~black, upper, ~upper
+    black = (row + column) % 2 == 0
+    return black, ~black
 
 
 def _rotational(at: FloatArray) -> FloatArray:
@@ -178,19 +187,19 @@ def _rotational(at: FloatArray) -> FloatArray:
     )
 
 
-def _consensus(at: FloatArray, flow: FloatArray, pixel: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """`(N,)` which points agree with the rotation that most agree with, within 1.5 px."""
+def _consensus(at: FloatArray, flow: FloatArray, pixel: float, rng: np.random.Generator) -> FloatArray:
+    """`(N,)` errors of the points under the rotation that most agree with, within 1.5 px."""
     basis = _rotational(at)
     pairs = rng.integers(len(at), size=(_GUESSES, 2))
     matrices = basis[pairs].reshape(_GUESSES, 4, 3)
     guesses = np.linalg.pinv(matrices) @ flow[pairs].reshape(_GUESSES, 4, 1)
     errors = np.linalg.norm(flow - np.einsum("nij,gj->gni", basis, guesses[..., 0]), axis=2)
     losses = np.minimum(errors, 1.5 * pixel).sum(axis=1)
-    return errors[losses.argmin()] < 1.5 * pixel
+    return errors[losses.argmin()]
 
 
 def _robust(
-    at: FloatArray, flow: FloatArray, chosen: NDArray[np.bool_], pixel: float
+    at: FloatArray, flow: FloatArray, chosen: NDArray[np.bool_], pixel: float, rows: FloatArray | None = None
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """The rotation that fits the chosen points, `(3,)` [rad], and which of all points agree with it.
 
@@ -198,11 +207,13 @@ def _robust(
     (x, y) times an inverse depth linear in x and y.
     """
     if chosen.sum() < _LEAST // 2:
-        return np.full(3, np.nan), chosen
+        return np.full(8, np.nan), chosen
     towards = at[:, :, None] * np.stack([np.ones(len(at)), *at.T], axis=-1)[:, None]
     basis = np.concatenate([_rotational(at), towards], axis=2)
     if chosen.sum() < 2 * _LEAST:
         basis = basis[:, :, :4]
+    if rows is not None:
+        basis = np.concatenate([basis, rows[:, None, None] * basis[:, :, :2]], axis=2)
     weights = chosen.astype(np.float64)
     solution, errors, scale = np.zeros(basis.shape[2]), np.zeros(len(at)), 0.0
     for _ in range(6):
@@ -212,7 +223,7 @@ def _robust(
         errors = np.asarray(np.linalg.norm(flow - basis @ solution, axis=1), dtype=np.float64)
         scale = max(4.7 * 0.85 * float(np.median(errors[chosen])), 0.15 * pixel)
         weights = np.where(chosen, (1.0 - np.minimum(errors / scale, 1.0) ** 2) ** 2, 0.0)
-    return solution[:3], errors < max(scale, 0.5 * pixel)
+    return solution, errors < max(scale, 0.5 * pixel)
 
 
 def _stops(before: NDArray[np.uint8], after: NDArray[np.uint8], first: FloatArray, second: FloatArray) -> FloatArray:

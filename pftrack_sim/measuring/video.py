@@ -15,6 +15,7 @@ from pftrack_sim.measuring.material import Material, camera_of
 from pftrack_sim.measuring.measured import Measured, Quantity
 from pftrack_sim.measuring.motion import MotionMeter, Step
 from pftrack_sim.measuring.noise import NoiseMeter
+from pftrack_sim.measuring.shutter import measure_readout
 from pftrack_sim.measuring.stream import measure_stream
 
 _FROZEN_PX, _SHRUNK = 0.2, 0.1
@@ -61,7 +62,8 @@ def measure_video(
     )
     measures: dict[str, Callable[[], list[Quantity]]] = {
         "jitter": lambda: measure_jitter(steps, material.times_s, systematic),
-        "light": lambda: measure_light(steps, material.times_s),
+        "light": lambda: measure_light(steps, material.times_s, doubts),
+        "rolling_shutter": lambda: measure_readout(steps, material.times_s),
         "noise": lambda: noise.measure(doubts),
     }
     for name, measure in measures.items():

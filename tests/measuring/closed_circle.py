@@ -1,7 +1,7 @@
 """Videos and logs of inertial sensors at known levels, measured back.
 
 `python tests/measuring/closed_circle.py [NAMES]` prints the tables of the page of measuring: for each kind of material
-how often the interval of each level holds it. Names: jitter, light, noise, imu; all without any.
+how often the interval of each level holds it. Names: jitter, light, flicker, readout, noise, imu; all without any.
 """
 
 from __future__ import annotations
@@ -158,6 +158,38 @@ def light() -> None:
         row("robot stands, PNG", f"light falls by {ev} EV", rows)
 
 
+def flicker() -> None:
+    """Depth of a flicker."""
+    seeds = itertools.count(400)
+    for crf, (depth, hz) in itertools.product((None, 28), ((0.03, 6.0), (0.1, 2.3), (0.1, 8.0), (0.3, 9.1))):
+        axis = {"parts": ["flicker"], "flicker_depth": depth, "flicker_hz": hz, "auto_exposure": False, "severity": 1.0}
+        settings = {**SMALL, "duration_s": 5.0, "lights.schedule": [], "axes.light": axis}
+        rows: list[tuple[float, bool | None]] = []
+        for place in PLACES[:4]:
+            with tempfile.TemporaryDirectory() as folder:
+                found, _ = measured_back(place, next(seeds), settings, crf=crf, folder=Path(folder))
+            rows.append(level_of(found, "flicker", depth))
+        row(
+            f"robot drives, {'PNG' if crf is None else f'H.264 of rate factor {crf}'}",
+            f"flicker of {depth} at {hz} Hz",
+            rows,
+        )
+
+
+def readout() -> None:
+    """Readout of a rolling shutter."""
+    seeds = itertools.count(600)
+    for crf, rms_deg, ms in itertools.product((None, 28), (0.2, 0.8), (10.0, 30.0, 50.0)):
+        settings = shaking(rms_deg, 6.0, **{"axes.rolling_shutter": {"severity": 1.0, "readout_ms": ms}})
+        rows: list[tuple[float, bool | None]] = []
+        for place in PLACES[:4]:
+            with tempfile.TemporaryDirectory() as folder:
+                found, _ = measured_back(place, next(seeds), settings, crf=crf, folder=Path(folder))
+            rows.append(level_of(found, "readout", ms))
+        kind = "PNG" if crf is None else f"H.264 of rate factor {crf}"
+        row(f"robot drives, {kind}, {rms_deg} deg RMS", f"readout of {ms:g} ms", rows)
+
+
 def noise() -> None:
     """Gain of the sensor."""
     seeds = itertools.count(200)
@@ -189,6 +221,13 @@ def imu() -> None:
 
 if __name__ == "__main__":
     print("| material | level | measured / true, mean | held |\n| --- | --- | --- | --- |")  # noqa: T201
-    for name, circle in {"jitter": jitter, "light": light, "noise": noise, "imu": imu}.items():
+    for name, circle in {
+        "jitter": jitter,
+        "light": light,
+        "flicker": flicker,
+        "readout": readout,
+        "noise": noise,
+        "imu": imu,
+    }.items():
         if name in (sys.argv[1:] or [name]):
             circle()

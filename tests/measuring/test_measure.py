@@ -162,6 +162,55 @@ def test_a_change_of_the_light_is_told_from_motion_and_from_none(tmp_path: Path,
     assert axis.at_s == pytest.approx(3.0, abs=0.2)
 
 
+@pytest.mark.parametrize(
+    ("depth", "hz", "said"), [(0.0, 5.0, ""), (0.1, 5.0, "lamps of 120 Hz"), (0.3, 3.1, "21.9 or")]
+)
+def test_flicker_is_told_beside_a_change(tmp_path: Path, depth: float, hz: float, said: str):
+    images = [
+        dimmed(one, 0.5 + 1.0 * (index >= 75) - math.log2(1.0 + depth * math.sin(2.0 * math.pi * hz * index / RATE_HZ)))
+        for index, one in enumerate(shaken())
+    ]
+    found = measure_video(read_material(write_images(tmp_path / "frames", images), RATE_HZ), fovy_deg=50.0)
+    names = [one.name for one in found.quantities]
+    assert "change of light" in names
+    assert ("flicker" in names) == bool(depth)
+    axis = scenario.load({"extends": "corridor", "axes": as_tree(found)["axes"]}).resolve(0).axes.light
+    assert axis.parts == (("change", "flicker") if depth else ("change",))
+    if depth:
+        one = value_of(found, "flicker")
+        assert one.low <= depth <= one.high
+        assert axis.flicker_depth == pytest.approx(one.value, rel=1e-3)
+        assert axis.flicker_hz == pytest.approx(hz, abs=0.05)
+        assert said in " ".join(found.doubts)
+
+
+@pytest.mark.parametrize(("rms_deg", "readout_ms"), [(0.5, 20.0), (0.5, 0.0), (0.0, 20.0)])
+def test_the_readout_of_a_rolling_shutter_is_told_where_the_camera_shakes(
+    tmp_path: Path, rms_deg: float, readout_ms: float
+):
+    picture, often, bands = texture(), 40, 20
+    angles = shake(130 * often, rms_deg, high=6.0, rate_hz=often * RATE_HZ)
+    images = []
+    for index in range(1, 130):
+        image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+        for band in range(bands):
+            before = readout_ms * 1e-3 * (1.0 - (band + 0.5) / bands) * often * RATE_HZ
+            rows = slice(band * HEIGHT // bands, (band + 1) * HEIGHT // bands)
+            image[rows] = turned(picture, angles[index * often - round(before)])[rows]
+        images.append(image)
+    found = measure_video(read_material(write_images(tmp_path / "frames", images), RATE_HZ), fovy_deg=50.0)
+    if rms_deg < 0.1:
+        assert "shakes too little" in found.left_out["rolling_shutter"]
+    elif not readout_ms:
+        assert "all rows are exposed at once" in found.left_out["rolling_shutter"]
+    else:
+        one = value_of(found, "readout")
+        assert abs(one.value - readout_ms) < 2.0
+        assert one.low < readout_ms < one.high
+        axes = scenario.load({"extends": "corridor", "axes": as_tree(found)["axes"]}).resolve(0).axes
+        assert axes.rolling_shutter.physical == pytest.approx(one.value, rel=1e-3)
+
+
 def test_nothing_is_measured_across_a_cut(tmp_path: Path):
     first, second = shaken(110), [turned(texture(3), one) for one in shake(110, 0.5, seed=2)]
     found = measure_video(read_material(write_images(tmp_path / "frames", first + second), RATE_HZ), fovy_deg=50.0)
