@@ -207,7 +207,7 @@ class Pftrack(BaseTracker):
             self._usual = usual + SLOW * max(trust, FORGETTING) * (np.array([found.score, found.peak]) - usual)
             if trust > 0.0:
                 self._learn(pyramid, peak * trust)
-                if not self._doubt:
+                if person is None or not self._doubt:
                     self._looks.learn(place.looks, trust)
                 self._sure_scale = self._scale
         size = self._scale * self._size

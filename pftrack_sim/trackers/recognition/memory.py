@@ -102,7 +102,7 @@ class TargetMemory:
         trust = ramp(place.likeness, UNSURE, SURE)
         if trust > 0.0:
             self._centre, self._size = place.centre, place.size
-            if not self._doubt:
+            if not (self._doubt and isinstance(self._looks, KnownPerson)):
                 self._looks.learn(view, trust)
                 self._learn_colours(pyramid, COLOUR_RATE * trust)
         return Judgement(
