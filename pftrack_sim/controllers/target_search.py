@@ -99,19 +99,17 @@ class TargetSearch:
         if self._direction_rad is None:
             self._direction_rad = heading + pan
         way = self._way(proprio, position)
+        # In the direction of the sweep, not by the shorter turn: a look backwards does not jump from side to side.
         forward, turn, swing = 0.0, pan / TURN_S, 0.0
         if way is not None:
             ahead_m, direction = way
             bearing = math.remainder(direction - heading, 2.0 * math.pi)
             self.wanted_m_s = min(max(ahead_m / DISTANCE_S, STUCK_M_S), float(self._robot.limits[0]))
             forward, turn = self.wanted_m_s * max(math.cos(bearing), 0.0), bearing / TURN_S
-        if not self._drives:
-            swing = self.sweep_rad(self._searching_s)
-        elif self._lost_s > LOOKS_S:
-            swing = self.sweep_rad(LOOK_S + self._searching_s, WIDE_RAD)
         if not self._drives or self._lost_s > LOOKS_S:
+            since = self._searching_s
+            swing = self.sweep_rad(LOOK_S + since, WIDE_RAD) if self._drives else self.sweep_rad(since)
             self._searching_s += self._robot.frame_s
-        # In the direction of the sweep, not by the shorter turn: a look backwards does not jump from side to side.
         error = math.remainder(self._direction_rad + self._side * swing - heading - pan, 2.0 * math.pi)
         yaw_rate = float(proprio[PROPRIO_INDEX["gyro_z_rad_s"]])
         tilt = float(proprio[PROPRIO_INDEX["tilt_rad"]])
