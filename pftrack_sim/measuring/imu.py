@@ -18,6 +18,7 @@ _SCALE = Systematic(focal_share=(0.97, 1.03))  # Sensitivities of gyroscopes in 
 _GRAVITY_M_S2 = 9.81
 _OCTAVES_HZ = (0.25, 0.5, 1.0, 2.0, 4.0)  # From which the two sensors are compared
 _LEAST_SLOPE = 0.3
+_MOST_DEG = 5.0  # RMS; hand-held cameras of public sequences shake by 2 at most
 _CLIPPED = 3  # Samples in a row at the same extreme
 
 
@@ -63,6 +64,9 @@ def measure_imu(log: ImuLog) -> Measured:
         replace(own[0], low=min(one.low for one in own), high=max(one.high for one in own))
         for own in zip(*found, strict=True)
     ]
+    (shake,) = (one.value for one in every if one.name == "jitter")
+    if shake > _MOST_DEG:
+        doubts.append(f"no camera sees anything that shakes by {shake:.3g} deg RMS: the unit of turns may be wrong")
     return Measured(log.name, (rate, *every), {}, tuple(doubts))
 
 

@@ -131,6 +131,13 @@ def test_without_an_accelerometer_all_verticals_are_in_the_interval_and_it_is_sa
     assert "gravity is 9.81" in " ".join(measured(tmp_path, still).doubts)
 
 
+def test_degrees_are_doubted_without_an_accelerometer_too(tmp_path: Path):
+    table = samples()[:, :4]
+    table[:, 1:] = np.degrees(0.25 * table[:, 1:])
+    doubts = " ".join(measured(tmp_path, table).doubts)
+    assert "deg RMS: the unit of turns may be wrong" in doubts
+
+
 def test_a_sensor_may_be_mounted_in_any_way(tmp_path: Path):
     table = samples()
     wanted = value_of(measured(tmp_path, table), "jitter")
