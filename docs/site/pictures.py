@@ -6,7 +6,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import cv2
 import gymnasium as gym
@@ -125,8 +125,8 @@ Value: TypeAlias = Callable[[Frame, Estimate], float]
 def draw_moving() -> None:
     """The story of the front page, and an episode of each environment."""
     write_moving("story.webp", tracking_story("ko2012/video-1", seed=2, until_s=9.0)[44:200:4], 6.25)
-    for short, *episode in ENVIRONMENTS:
-        write_moving(f"{short}.webp", environment_story(*episode), 5.0)
+    for short, shown in ENVIRONMENTS.items():
+        write_moving(f"{short}.webp", environment_story(shown), 5.0)
 
 
 def tracking_story(name: str, seed: int, until_s: float) -> list[Image]:
@@ -157,11 +157,22 @@ def distance_m(frame: Frame, _: Estimate) -> float:
     return frame.truth.distance_m
 
 
-ENVIRONMENTS: tuple[
-    tuple[str, str, str, str, Callable[[Any], Any], Value, str, tuple[float, float], int, tuple[float, float]], ...
-] = (
-    (
-        "track",
+class Shown(NamedTuple):
+    """An episode of an environment: who drives or tracks, the value of the curve and its axis, seed and seconds."""
+
+    env_id: str
+    scene: str
+    label: str
+    make_policy: Callable[[Any], Any]
+    value: Value
+    title: str
+    limits: tuple[float, float]
+    seed: int = 5
+    span_s: tuple[float, float] = (0.0, 4.8)
+
+
+ENVIRONMENTS = {
+    "track": Shown(
         "pftrack_sim/Track-v0",
         "corridor",
         "ko2012",
@@ -169,11 +180,8 @@ ENVIRONMENTS: tuple[
         overlap,
         "overlap with the truth",
         (0.0, 1.0),
-        5,
-        (0.0, 4.8),
     ),
-    (
-        "follow",
+    "follow": Shown(
         "pftrack_sim/Follow-v0",
         "follow/warehouse",
         "ko2012",
@@ -186,8 +194,7 @@ ENVIRONMENTS: tuple[
         40,
         (31.8, 37.4),
     ),
-    (
-        "track-and-follow",
+    "track-and-follow": Shown(
         "pftrack_sim/TrackAndFollow-v0",
         "follow/street",
         "pftrack",
@@ -195,36 +202,26 @@ ENVIRONMENTS: tuple[
         overlap,
         "overlap with the truth",
         (0.0, 1.0),
-        5,
-        (0.0, 4.8),
     ),
-)
+}
 
 
-def environment_story(
-    env_id: str,
-    scene: str,
-    label: str,
-    make_policy: Callable[[Any], Any],
-    value: Value,
-    title: str,
-    limits: tuple[float, float],
-    seed: int,
-    span_s: tuple[float, float],
-) -> list[Image]:
+def environment_story(shown: Shown) -> list[Image]:
     """Some seconds of an environment, five sheets a second."""
     sheets: list[Image] = []
     chosen = {**SIZE, "camera.rate_hz": 15}
-    with gym.make(env_id, scenario=scene, overrides=chosen) as env:
-        policy = make_policy(policies.robot_parameters(scenario.load(scene, chosen).resolve(seed)))
-        observation, info = env.reset(seed=seed)
+    with gym.make(shown.env_id, scenario=shown.scene, overrides=chosen) as env:
+        robot = policies.robot_parameters(scenario.load(shown.scene, chosen).resolve(shown.seed))
+        policy = shown.make_policy(robot)
+        observation, info = env.reset(seed=shown.seed)
         simulation = env.unwrapped.simulation  # type: ignore[attr-defined]
-        story = Story(simulation.world.model, [label], span_s, limits, title)
-        while simulation.frame.time_s <= span_s[1]:
-            action = policy(observation) if env_id.endswith("Track-v0") else policy(observation, info)
+        story = Story(simulation.world.model, [shown.label], shown.span_s, shown.limits, shown.title)
+        while simulation.frame.time_s <= shown.span_s[1]:
+            action = policy(observation) if shown.env_id.endswith("Track-v0") else policy(observation, info)
             frame = simulation.frame
-            if frame.time_s >= span_s[0] and frame.index % 3 == 0:
-                sheets.append(story.sheet(frame, {label: policy.estimate}, {label: value(frame, policy.estimate)}))
+            if frame.time_s >= shown.span_s[0] and frame.index % 3 == 0:
+                value = shown.value(frame, policy.estimate)
+                sheets.append(story.sheet(frame, {shown.label: policy.estimate}, {shown.label: value}))
             observation, _, terminated, truncated, info = env.step(action)
             if terminated or truncated:
                 break

@@ -78,7 +78,7 @@ class PftrackParameters(Parameters):
         sure_likeness: ... and from which on everything is; between the two the rates grow linearly.
         occlusion_hold: An occluded target whose score is below this share of its running mean is not followed; above
             it the box moves.
-        search_after: After so many unsure frames the whole image is searched; 0: never.
+        search_after: After so many frames of doubt, see `Doubt`, the whole image is searched; 0: never.
         found_likeness: A place found is taken from this likeness on ...
         found_peak: ... and from this share of the correlation response's running mean on ...
         found_gain: ... and, where the target is not occluded, if it is more alike by this.
@@ -134,7 +134,7 @@ class Place(NamedTuple):
 
 
 class Pftrack(BaseTracker):
-    """Correlation filter with colour, scale and camera motion that knows people by a network, else parts by colour.
+    """Correlation filter with colour, scale and camera motion that knows people by a network, and all by their colours.
 
     It draws no random numbers.
     """

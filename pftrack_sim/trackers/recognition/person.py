@@ -109,13 +109,13 @@ class KnownPerson:
 
     def likeness(self, found: PersonView) -> float:
         """Likeness with the person, on the scale of `PartColours.likeness`."""
-        identity, colours = self._alike(found)
+        identity, colours = self.alike(found)
         seen = found.visible / self._first.visible
         return min(1.0 - STRETCH * (1.0 - 0.5 * (identity + colours)), COVERED + 1.25 * (1.0 - COVERED) * seen)
 
     def learn(self, found: PersonView, trust: float) -> None:
         """Learn a view of the person with weight `trust` in [0, 1]."""
-        identity, _ = self._alike(found)
+        identity, _ = self.alike(found)
         self._count += 1
         rate = max(1.0 / self._count, RATE) * trust  # a mean of the first frames, then a slow one
         self._mean += np.float32(rate) * (found.identity - self._mean)
@@ -123,7 +123,7 @@ class KnownPerson:
         assert found.parts is not None
         self._parts.learn(found.parts, trust)
 
-    def _alike(self, found: PersonView) -> tuple[float, float]:
+    def alike(self, found: PersonView) -> tuple[float, float]:
         """Likeness of identity and of colours, each as a share of what is usual."""
         assert found.parts is not None
         product = float(found.identity @ self._mean) / float(np.linalg.norm(self._mean)) / self._usual

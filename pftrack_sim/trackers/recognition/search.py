@@ -81,13 +81,13 @@ class Doubt:
         unlike, sure = self._limits
         if likeness < unlike:
             self._sure = self._alike = 0
-        elif self._frames:
+        elif not self._frames:
+            return
+        else:
             self._alike += 1
             self._sure = self._sure + 1 if likeness >= sure else 0
-            if self._sure >= SURE_FRAMES or self._alike >= ALIKE_FRAMES:
-                self._frames = 0
-                return
-        self._frames += likeness < unlike or self._frames > 0
+        ended = self._sure >= SURE_FRAMES or self._alike >= ALIKE_FRAMES
+        self._frames = 0 if ended else self._frames + 1
 
     def begin_again(self) -> None:
         """Doubt a place that was found as a target that has just become unlike."""

@@ -1,0 +1,65 @@
+"""How well identity, colours and both tell a target from other people; prints the table of docs/pftrack.md.
+
+python tests/trackers/identities.py
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pftrack_sim import controllers, policies, scenario, trackers
+from pftrack_sim.core import boxes
+from pftrack_sim.env import TrackAndFollowEnv
+from pftrack_sim.trackers.recognition.person import KnownPerson
+from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
+from pftrack_sim.trackers.recognition.search import SURE, UNSURE, ramp
+
+COURSES, SEEDS = ("corridor", "plaza", "street", "warehouse"), (30, 31)
+EVERY, FROM_S, KEPT = 4, 5.0, 0.95  # Frames, start of what counts, and share of the target's views that are kept
+SIZE = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 15}
+
+
+def views(name: str, seed: int) -> list[tuple[bool, float, float]]:
+    """Of everybody in full view behind a robot that follows by the truth: whether it is the target, and likenesses."""
+    loaded = scenario.load(name, SIZE)
+    env = TrackAndFollowEnv(loaded)
+    robot = policies.robot_parameters(loaded.resolve(seed))
+    policy = policies.TrackAndFollowPolicy(trackers.make("oracle"), controllers.make("servo-avoid"), robot)
+    observation, info = env.reset(seed=seed)
+    known: KnownPerson | None = None
+    found: list[tuple[bool, float, float]] = []
+    ended = False
+    while not ended:
+        frame = env.simulation.frame
+        pyramid = ImagePyramid(frame.image)
+        for one in frame.people if frame.index % EVERY == 0 else ():
+            box, own = one.amodal_box, one.name == frame.truth.name
+            if one.visible_fraction < 0.7 or one.truncation > 0.1 or box[3] < 30.0 or not (known or own):
+                continue
+            centre, size = boxes.centre(box), box[2:]
+            if known is None:
+                known = KnownPerson.found(pyramid, centre, size)
+                continue
+            view = known.describe(pyramid, centre, size)
+            if frame.time_s > FROM_S:
+                found.append((own, *known.alike(view)))
+            if own and (trust := ramp(known.likeness(view), UNSURE, SURE)) > 0.0:
+                known.learn(view, trust)
+        observation, _, terminated, truncated, info = env.step(policy(observation, info))
+        ended = terminated or truncated
+    env.close()
+    return found
+
+
+def main() -> None:
+    """Share of the views of others above what keeps most of the target's own."""
+    rows = np.array([row for course in COURSES for seed in SEEDS for row in views(f"follow/{course}", seed)])
+    own = rows[:, 0] > 0.0
+    print(f"{int(own.sum())} views of targets, {int((~own).sum())} of others")  # noqa: T201
+    for name, likeness in (("identity", rows[:, 1]), ("colours", rows[:, 2]), ("both", rows[:, 1:].mean(axis=1))):
+        taken = (likeness[~own] >= np.quantile(likeness[own], 1.0 - KEPT)).mean()
+        print(f"{name}: {100.0 * taken:.0f} % of others at {100 * KEPT:.0f} % of the own")  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()
