@@ -230,12 +230,16 @@ MAX_PATH_M = 2000.0
 class Target(Section):
     """The person to track."""
 
-    path_m: tuple[Point, ...] = setting(
-        ...,
-        "Points the target walks through; corners are rounded. It stops at the last one.",
-        min_length=2,
-        max_length=1000,
+    path: Literal["points", "auto"] = setting(
+        "points", "'points': through `path_m`; 'auto': drawn by seed where there is room, whatever `path_m` says."
     )
+    path_m: tuple[Point, ...] = setting(
+        (), "Points the target walks through; corners are rounded. It stops at the last one.", max_length=1000
+    )
+    path_length_m: float | None = setting(
+        None, "Length of an 'auto' path; by default what is walked in the episode.", ge=1, le=500
+    )
+    path_turns: int = number(2, 0, 20, "Turns of an 'auto' path, each of 25 to 100 degrees.")
     speed_m_s: float = number(1.25, 0.3, 2.2, "Walking speed.")
     height_m: float = number(1.74, 1.4, 2.1, "Body height.")
     wardrobe: int = number(
@@ -261,6 +265,8 @@ class Target(Section):
 
     @model_validator(mode="after")
     def _path_can_be_walked(self) -> Target:
+        if self.path == "points" and len(self.path_m) < 2:
+            raise ValueError(f"path_m must have at least 2 points, got {len(self.path_m)}; or set path = 'auto'")
         length_m = sum(math.dist(one, other) for one, other in itertools.pairwise(self.path_m))
         if length_m > MAX_PATH_M:
             raise ValueError(f"path_m must be at most {MAX_PATH_M:g} m long, got {length_m:g} m")

@@ -52,12 +52,21 @@ def build_stage(
     spec = _empty(step_s, draws=draws)
     _set_graphics(spec, settings)
     _add_contact(spec)
+    layout = _add_place(spec, settings, seed, seats)
+    add_robot(spec, RobotForm.of(settings.robot, settings.camera))
+    return spec, layout
+
+
+def walkable_area(settings: ResolvedScenario, seed: int) -> WalkableArea:
+    """The walkable area of the place of an episode, without seats."""
+    return _add_place(SceneSpec(draws=False), settings, seed)
+
+
+def _add_place(spec: SceneSpec, settings: ResolvedScenario, seed: int, seats: Sequence[Seat] = ()) -> WalkableArea:
     rng, patch_rng = random_streams.stream(seed, "place"), random_streams.stream(seed, "lights", "patches")
     patches = min(_MAX_SHADE, settings.lights.patches + settings.axes.light.shade)
     lights = settings.lights.model_copy(update={"patches": patches})
-    layout = add_place(spec, settings.place, lights, rng, patch_rng, seats)
-    add_robot(spec, RobotForm.of(settings.robot, settings.camera))
-    return spec, layout
+    return add_place(spec, settings.place, lights, rng, patch_rng, seats)
 
 
 @lru_cache(maxsize=8)

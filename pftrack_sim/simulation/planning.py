@@ -29,7 +29,7 @@ from pftrack_sim.scene.occluders import (
 )
 from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
-from pftrack_sim.simulation.feasibility import meeting_problems
+from pftrack_sim.simulation.feasibility import meeting_problems, path_problems, placement_problems
 from pftrack_sim.simulation.occlusion.moving import cart_height_m, plan_axis_crossing, plan_crossing
 from pftrack_sim.simulation.occlusion.static import plan_static
 
@@ -53,6 +53,29 @@ class Plan:
     carts: tuple[Crossing, ...] = ()
     cart_sizes: dict[str, CartSize] = field(default_factory=dict)
     oncoming: tuple[OncomingPass, ...] = ()
+
+
+def make_script(settings: ResolvedScenario, seed: int, layout: WalkableArea, path: Path) -> Script:
+    """The robot's script, once the ways of target and robot are found free.
+
+    Raises:
+        ScenarioError: What is in the way, or why the target is never in view.
+    """
+    speed_m_s, axis = settings.target.speed_m_s, settings.axes.target
+    where = f"{settings.title!r} at seed {seed}"
+    problems = path_problems(settings, layout, path)
+    try:
+        script = Script(settings.robot, path, speed_m_s, axis, settings.camera, layout, seed)
+    except ParameterError as error:
+        raise ScenarioError(where, [*problems, str(error)]) from None
+    problems += placement_problems(settings, layout, path, script)
+    hit = script.obstacle(layout, settings.duration_s)
+    if hit is not None:
+        name, x, y = hit
+        problems.append(f"robot.route: the robot would run into {name!r} at {x:.1f}, {y:.1f}")
+    if problems:
+        raise ScenarioError(where, problems)
+    return script
 
 
 def make_plan(

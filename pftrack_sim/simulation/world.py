@@ -16,21 +16,20 @@ from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.target import places_alone
 from pftrack_sim.agents.robot.drive import Equilibrium
 from pftrack_sim.agents.robot.robot import Robot
-from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.agents.traffic import Traffic
 from pftrack_sim.core import random_streams
-from pftrack_sim.core.errors import ParameterError, ScenarioError
+from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.renderer import geoms_drawn
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.people import Item, grips_s
 from pftrack_sim.scene.build import add_agents, build_stage, compile_robot_alone
-from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.robot import RobotForm
-from pftrack_sim.simulation.feasibility import path_problems, placement_problems, planned_seats, seat_problems
-from pftrack_sim.simulation.planning import Plan, make_plan
+from pftrack_sim.simulation.feasibility import planned_seats, seat_problems
+from pftrack_sim.simulation.planning import Plan, make_plan, make_script
+from pftrack_sim.simulation.target_path import target_points
 
 _MOUNT = ("robot/mast", "robot/pan", "robot/head")  # Bodies that carry the camera
 
@@ -43,6 +42,9 @@ class World:
         seed: That of the episode.
         draws: Whether it is drawn in colour; if not, its textures are blank.
 
+    Attributes:
+        path_m: Points x, y of the target's path.
+
     Raises:
         ScenarioError: A requested occlusion, oncoming pedestrian or swing of the robot is impossible, the robot's or
             the target's way meets an obstacle, or the target is never in view.
@@ -52,12 +54,13 @@ class World:
         self.settings = settings
         self.clock = Clock.for_rate(settings.camera.rate_hz)
         self._seed = seed
-        self._path = Path(settings.target.path_m)
+        self.path_m = target_points(settings, seed)
+        self._path = Path(self.path_m)
         seats = planned_seats(settings, self._path)
         spec, layout = build_stage(settings, seed, self.clock.step_s, seats, draws=draws)
         if problems := seat_problems(seats, layout):
             raise ScenarioError(f"{settings.title!r} at seed {seed}", problems)
-        script = self._robot_script(layout)
+        script = make_script(settings, seed, layout, self._path)
         plan = make_plan(settings, seed, layout, self._path, seats, script)
         people = add_agents(spec, settings, seed, plan.static_occluders, plan.cart_sizes)
         self.model = spec.compile()
@@ -156,24 +159,6 @@ class World:
         """Compute the poses of bodies, geoms and cameras, so that frame and truth belong to the same instant."""
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
-
-    def _robot_script(self, layout: WalkableArea) -> Script:
-        settings = self.settings
-        speed_m_s, axis = settings.target.speed_m_s, settings.axes.target
-        where = f"{settings.title!r} at seed {self._seed}"
-        problems = path_problems(settings, layout, self._path)
-        try:
-            script = Script(settings.robot, self._path, speed_m_s, axis, settings.camera, layout, self._seed)
-        except ParameterError as error:
-            raise ScenarioError(where, [*problems, str(error)]) from None
-        problems += placement_problems(settings, layout, self._path, script)
-        hit = script.obstacle(layout, settings.duration_s)
-        if hit is not None:
-            name, x, y = hit
-            problems.append(f"robot.route: the robot would run into {name!r} at {x:.1f}, {y:.1f}")
-        if problems:
-            raise ScenarioError(where, problems)
-        return script
 
     def _carried(self, anatomy: Anatomy) -> CarriedItems:
         target = self.settings.target

@@ -180,7 +180,7 @@ class Page:
             return self.player.moment.world
 
         def describe(session: Session) -> tuple[Any, ...]:
-            path_m = session.simulation.settings.target.path_m
+            path_m = session.simulation.world.path_m
             return session.simulation.world.model, session.moment, session.people, np.array(path_m)
 
         model, moment, people, path_m = self.player.ask(describe)
