@@ -34,6 +34,7 @@ from tiling import (
     pavement,
     paving,
 )
+from toys import toys
 
 
 def generator(name: str) -> np.random.Generator:
@@ -57,6 +58,7 @@ PICTURES: dict[str, Callable[[np.random.Generator], Canvas]] = {
     "shops": shops,
     "posters": posters,
     "parts": parts,
+    "toys": toys,
     "glow": glow,
     "sky-day": sky_day,
     "sky-night": sky_night,

@@ -305,7 +305,7 @@ def draw_film() -> None:
     from studio_pictures import FILM_HZ, film
 
     path = PICTURES / "studio" / "minute.mp4"
-    with video_writer(path, FILM_HZ, quality=30) as add:
+    with video_writer(path, FILM_HZ, quality=33) as add:
         for index, image in enumerate(film()):
             height = image.shape[0] * 960 // image.shape[1]
             add(cv2.resize(image, (960, height), interpolation=cv2.INTER_AREA), index / FILM_HZ)

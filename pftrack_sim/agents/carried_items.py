@@ -37,11 +37,11 @@ class CarriedItems:
     ) -> None:
         self._target = target
         self._mocap_ids = [int(model.body_mocapid[model.body(one.item).id]) for one in target.carries]
-        self._hand = np.array([0.0, 0.0, -anatomy.forearm_m - 0.55 * anatomy.hand_m])
+        self._anatomy = anatomy
         self._torso_m = anatomy.torso_m
         # Where each thing lies, or would lie if it were let go now.
         self._rests = {
-            item: (*(np.array([x, y]) + _rotation(heading)[:2, :2] @ _REACH_M[item]).tolist(), heading)
+            item: (*(np.array([x, y]) + turned_by(heading)[:2, :2] @ _REACH_M[item]).tolist(), heading)
             for item, (x, y, heading) in places.items()
         }
 
@@ -57,7 +57,7 @@ class CarriedItems:
             else:
                 x, y, yaw = self._rests[one.item]
                 place = share * place + (1.0 - share) * np.array([x, y, height_m])
-                rotation = _rotation(yaw + share * math.remainder(_yaw(rotation) - yaw, 2.0 * math.pi))
+                rotation = turned_by(yaw + share * math.remainder(_yaw(rotation) - yaw, 2.0 * math.pi))
             data.mocap_pos[mocap] = place
             mujoco.mju_mat2Quat(data.mocap_quat[mocap], rotation.ravel())
 
@@ -65,25 +65,36 @@ class CarriedItems:
         """Position and rotation of a thing that is held."""
         torso, turned = positions[_TORSO], rotations[_TORSO]
         yaw = _yaw(turned)
-        upright = _rotation(yaw)
+        upright = turned_by(yaw)
         match one.item:
             case "bag":
-                hand = positions[_LEFT_HAND] + rotations[_LEFT_HAND] @ self._hand
+                hand = _hand(_LEFT_HAND, self._anatomy, positions, rotations)
                 return hand + upright @ (0.0, 0.03, 0.0), upright
             case "box":
-                hands = [positions[part] + rotations[part] @ self._hand for part in (_LEFT_HAND, _RIGHT_HAND)]
-                return 0.5 * (hands[0] + hands[1]) + upright @ (-0.05, 0.0, 0.06), upright
+                middle, upright = between_hands(self._anatomy, positions, rotations)
+                return middle + upright @ (-0.05, 0.0, 0.06), upright
             case "backpack":
                 return torso + turned @ (-0.185, 0.0, 0.52 * self._torso_m), turned
             case "umbrella":
-                return positions[_RIGHT_HAND] + rotations[_RIGHT_HAND] @ self._hand, _rotation(yaw, *_UMBRELLA_TILT)
+                return _hand(_RIGHT_HAND, self._anatomy, positions, rotations), turned_by(yaw, *_UMBRELLA_TILT)
+
+
+def between_hands(anatomy: Anatomy, positions: FloatArray, rotations: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Place midway between the hands, from `(13, 3)` positions and `(13, 3, 3)` rotations, and the upright trunk's."""
+    left, right = (_hand(side, anatomy, positions, rotations) for side in (_LEFT_HAND, _RIGHT_HAND))
+    return 0.5 * (left + right), turned_by(_yaw(rotations[_TORSO]))
+
+
+def _hand(side: int, anatomy: Anatomy, positions: FloatArray, rotations: FloatArray) -> FloatArray:
+    return positions[side] + rotations[side] @ np.array([0.0, 0.0, -anatomy.forearm_m - 0.55 * anatomy.hand_m])
 
 
 def _yaw(rotation: FloatArray) -> float:
     return math.atan2(rotation[1, 0], rotation[0, 0])
 
 
-def _rotation(yaw_rad: float, roll_rad: float = 0.0, pitch_rad: float = 0.0) -> FloatArray:
+def turned_by(yaw_rad: float, roll_rad: float = 0.0, pitch_rad: float = 0.0) -> FloatArray:
+    """`(3, 3)` rotation by roll about x, pitch about y, then yaw about z."""
     quaternion, matrix = np.empty(4), np.empty(9)
     mujoco.mju_euler2Quat(quaternion, [yaw_rad, roll_rad, pitch_rad], "zxy")
     mujoco.mju_quat2Mat(matrix, quaternion)

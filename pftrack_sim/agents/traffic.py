@@ -12,10 +12,12 @@ from pftrack_sim.agents.carried_items import CarriedItems
 from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
+from pftrack_sim.agents.tracked_thing import TrackedThing
 from pftrack_sim.camera.extents import Bodies
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.person import Person, part_meshes, part_mocap_ids
+from pftrack_sim.scene.thing import WALKER
 
 PHASES = np.arange(48) / 48
 _NEAR_M = 0.05
@@ -32,12 +34,16 @@ class Traffic:
         crowd: Crowd,
         seed: int,
         carried: CarriedItems | None = None,
+        thing: TrackedThing | None = None,
     ) -> None:
         self.crowd = crowd
-        self.names = tuple(person.name for person in people)
+        self._thing, self._first = thing, int(people[0].name == WALKER)
+        bearer = (people[0].name,) if thing is not None and not self._first else ()
+        self.names = (crowd.names[0], *(person.name for person in people[1:]), *bearer)
+        """Names of all whose truth is told, the target's first."""
         self._target, self._seed = people[0], seed
         self.gait = self._gait_of(people)
-        self._part_ids = part_mocap_ids(model, self.names)
+        self._part_ids = part_mocap_ids(model, [person.name for person in people[self._first :]])
         self._cart_ids = [int(model.body_mocapid[model.body(name).id]) for name in cart_names]
         self._carried = carried
 
@@ -64,12 +70,24 @@ class Traffic:
     def write(self, data: mujoco.MjData) -> None:
         """Write the poses of limbs and carts."""
         gait = self.gait
-        data.mocap_pos[self._part_ids], data.mocap_quat[self._part_ids] = gait.positions, gait.quaternions
+        drawn, ids = slice(self._first, None), self._part_ids
+        data.mocap_pos[ids], data.mocap_quat[ids] = gait.positions[drawn], gait.quaternions[drawn]
         if self._carried is not None:
             self._carried.write(data, self._time_s, gait.positions[0], gait.rotations[0])
+        if self._thing is not None:
+            s_m = self.crowd.target_s_m
+            self._thing.write(data, self._time_s, s_m, gait.positions[0], gait.rotations[0])
         for mocap, cart in zip(self._cart_ids, self.crowd.carts, strict=True):
             data.mocap_pos[mocap] = (*cart.position_m, 0.0)
             data.mocap_quat[mocap] = (math.cos(0.5 * cart.yaw_rad), 0.0, 0.0, math.sin(0.5 * cart.yaw_rad))
+
+    @property
+    def root_poses(self) -> FloatArray:
+        """`(P, 4, 4)` poses in the order of the names: origin on the ground below the middle, x forward, z up."""
+        poses = self.gait.root_poses
+        if self._thing is None:
+            return poses
+        return np.concatenate([self._thing.root_pose[None], poses[1:], poses[: len(self.names) - len(poses)]])
 
     def _gait_of(self, people: Sequence[Person]) -> Gait:
         rngs = [random_streams.stream(self._seed, "gait", person.name) for person in people]

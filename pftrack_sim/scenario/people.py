@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from pftrack_sim.core.data_files import asset_table
+from pftrack_sim.core.errors import UnknownNameError
 from pftrack_sim.scenario.section import (
     Angle,
     Coordinate,
@@ -225,10 +227,47 @@ def carrying_problem(carries: Sequence[Carried], actions: Sequence[Action]) -> s
 
 
 MAX_PATH_M = 2000.0
+GAZE_M = 1.1
+"""Height of the point of a person to which the camera is turned."""
+_HANDS_SHARE = 0.62  # Height of hands that carry something before the chest, as a share of the body's
+_ON_FOOT = Lowering | Gesture | Sit
+
+
+class Thing(Section):
+    """A thing to track, in the place of a person."""
+
+    prop: str = setting(..., "One of the props of the places: 'ball', 'juice', 'cube', 'panda', 'car', 'forklift', ...")
+    moves: Literal["sliding", "rolling", "carried"] = setting(
+        "sliding",
+        "'sliding': along the path, its front ahead; 'rolling': along the path, as a ball does; 'carried': in both "
+        "hands of a person, who walks along the path and is no part of it.",
+    )
+    height_m: float = number(..., 0.05, 4, "Height, to which the prop is scaled.")
+    surface: str = setting("paint-red", "Surface of the parts of a prop that have none of their own, as a car's paint.")
+    turn_deg: float = number(30.0, 0, 180, "Carried: how far the hands turn it to either side.")
+    turn_s: float = number(5.0, 1, 3600, "Carried: time from one side to the other and back.")
+
+    @field_validator("prop")
+    @classmethod
+    def _prop_is_known(cls, name: str) -> str:
+        return _known("prop", name, asset_table("props"))
+
+    @field_validator("surface")
+    @classmethod
+    def _surface_is_known(cls, name: str) -> str:
+        table = asset_table("materials")
+        atlases = (names for _, _, names in table["atlases"].values())
+        return _known("surface", name, [*table["tilings"], *itertools.chain(*atlases)])
+
+
+def _known(kind: str, name: str, names: Collection[str]) -> str:
+    if name not in names:
+        raise ValueError(str(UnknownNameError(kind, name, names)))
+    return name
 
 
 class Target(Section):
-    """The person to track."""
+    """The person, or thing, to track."""
 
     path: Literal["points", "auto"] = setting(
         "points", "'points': through `path_m`; 'auto': drawn by seed where there is room, whatever `path_m` says."
@@ -240,8 +279,9 @@ class Target(Section):
         None, "Length of an 'auto' path; by default what is walked in the episode.", ge=1, le=500
     )
     path_turns: int = number(2, 0, 20, "Turns of an 'auto' path, each of 25 to 100 degrees.")
-    speed_m_s: float = number(1.25, 0.3, 2.2, "Walking speed.")
+    speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")
     height_m: float = number(1.74, 1.4, 2.1, "Body height.")
+    thing: Thing | None = setting(None, "What is tracked in the place of the person.")
     wardrobe: int = number(
         0,
         0,
@@ -270,6 +310,36 @@ class Target(Section):
         length_m = sum(math.dist(one, other) for one, other in itertools.pairwise(self.path_m))
         if length_m > MAX_PATH_M:
             raise ValueError(f"path_m must be at most {MAX_PATH_M:g} m long, got {length_m:g} m")
+        return self
+
+    @property
+    def carried(self) -> bool:
+        """Whether it is a thing in a person's hands."""
+        return self.thing is not None and self.thing.moves == "carried"
+
+    @property
+    def top_m(self) -> float:
+        """Height above the ground of the highest point of what is tracked."""
+        return self.height_m if self.thing is None else self.gaze_m + 0.5 * self.thing.height_m
+
+    @property
+    def gaze_m(self) -> float:
+        """Height of the point to which the camera is turned: of a thing about its middle."""
+        if self.thing is None:
+            return GAZE_M
+        return _HANDS_SHARE * self.height_m if self.carried else 0.5 * self.thing.height_m
+
+    @model_validator(mode="after")
+    def _thing_is_possible(self) -> Target:
+        thing, walks = self.thing, self.thing is None or self.carried
+        if thing is not None and self.init == "torso":
+            raise ValueError(f"init = 'torso' needs a person, and the target is a thing ({thing.prop!r})")
+        if thing is not None and self.carries:
+            raise ValueError("carries: a target that is a thing carries nothing, nor has its bearer a free hand")
+        for index, one in enumerate(self.actions):
+            if thing is not None and isinstance(one, _ON_FOOT) and (not walks or one.kind == "wave"):
+                needed = "free hands" if walks else "legs"
+                raise ValueError(f"{title(index, one)} needs {needed}, and {thing.prop!r} is {thing.moves}")
         return self
 
     @model_validator(mode="after")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import mujoco
@@ -28,6 +29,7 @@ from pftrack_sim.scene.places.place import add_place
 from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.scene.robot import RobotForm, add_robot
 from pftrack_sim.scene.scene_spec import BLANK, SceneSpec, mesh_file
+from pftrack_sim.scene.thing import WALKER, add_thing
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
 _MAX_SHADE = 0.9
@@ -109,7 +111,7 @@ def add_agents(
     """Complete a stage with its people, and with occluders and carts by body name.
 
     Returns:
-        The people, the target first.
+        The people, the target first; where that is a thing, who carries it, or a walker who is not there.
     """
     wardrobe = settings.target.wardrobe
     people = sample_people(
@@ -121,8 +123,13 @@ def add_agents(
         [settings.axes.distractors.similarity] * len(settings.axes.distractors.passings_s),
         [group.similarity for group in settings.groups for _ in range(group.count)],
     )
+    thing = settings.target.thing
+    if thing is not None:
+        add_thing(spec, people[0].name, thing)
+        people = (replace(people[0], name="bearer" if thing.moves == "carried" else WALKER), *people[1:])
     for person in people:
-        add_person(spec, person)
+        if person.name != WALKER:
+            add_person(spec, person)
     add_props(spec, settings.target.carries)
     add_static_occluders(spec, static_occluders)
     add_carts(spec, carts)

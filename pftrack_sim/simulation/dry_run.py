@@ -81,7 +81,7 @@ def dry_run(settings: ResolvedScenario, path: Path, script: Script, end_s: float
     speed = turn = 0.0
     rows: list[tuple[float, ...]] = []
     for tick in range(math.ceil(end_s / _TICK_S) + 2):
-        time_s, (target_x, target_y) = tick * _TICK_S, target.state[:2]
+        time_s, (target_x, target_y) = tick * _TICK_S, target.tracked_m
         yaw = math.atan2(target_y - y, target_x - x) if robot.gaze == "target" else heading + mount_rad
         camera_x, camera_y = x + lens_m * math.cos(yaw), y + lens_m * math.sin(yaw)
         rows.append((time_s, camera_x, camera_y, camera.height_m, target_x, target_y, target.s_m, x, y))
@@ -101,4 +101,4 @@ def dry_run(settings: ResolvedScenario, path: Path, script: Script, end_s: float
         turn += min(max(wanted_turn - turn, -turn_step), turn_step)
     table = np.array(rows)
     table.setflags(write=False)
-    return DryRun(table[:, 0], table[:, 1:4], table[:, 4:6], table[:, 6], table[:, 7:], settings.target.height_m, end_s)
+    return DryRun(table[:, 0], table[:, 1:4], table[:, 4:6], table[:, 6], table[:, 7:], settings.target.top_m, end_s)

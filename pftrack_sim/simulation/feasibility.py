@@ -24,6 +24,7 @@ from pftrack_sim.scenario.robot import StillRoute
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.scene.robot import REST_YAW_RAD
+from pftrack_sim.scene.thing import half_sizes_m
 from pftrack_sim.simulation.dry_run import DryRun
 
 _STEP_M = 0.1
@@ -55,10 +56,12 @@ def placement_problems(settings: ResolvedScenario, layout: WalkableArea, path: P
         gap_m = float(np.hypot(*(target - robot)).min())
     else:
         gap_m = float(np.hypot(*(target[:, :1] - robot)).min())
-    if gap_m < ROBOT_RADIUS_M + _BODY_M:
+    thing = settings.target.thing
+    body_m = _BODY_M if thing is None else float(half_sizes_m(thing)[:2].max())
+    if gap_m < ROBOT_RADIUS_M + body_m:
         found.append(
             f"robot.route: the robot would stand on the target: their centres come within {gap_m:.2f} m, "
-            f"at least {ROBOT_RADIUS_M + _BODY_M:.2f} m are needed"
+            f"at least {ROBOT_RADIUS_M + body_m:.2f} m are needed"
         )
     found.append(_unseen(settings, target - robot))
     return [line for line in found if line is not None]
@@ -97,7 +100,8 @@ def _unseen(settings: ResolvedScenario, offset_m: FloatArray) -> str | None:
     nearest_m = float(np.hypot(*offset_m).min())
     if not isinstance(robot.route, StillRoute):
         return None
-    if settings.target.height_m * focal_px < _LEAST_PX * nearest_m:
+    thing = settings.target.thing
+    if (settings.target.height_m if thing is None else thing.height_m) * focal_px < _LEAST_PX * nearest_m:
         return f"target.path_m: the target is at least {nearest_m:.0f} m away: too small in the image to be seen"
     if robot.gaze == "forward":
         half = math.atan(0.5 * camera.width_px / focal_px) + _VIEW_MARGIN_RAD

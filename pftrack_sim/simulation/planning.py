@@ -65,7 +65,8 @@ def make_script(settings: ResolvedScenario, seed: int, layout: WalkableArea, pat
     where = f"{settings.title!r} at seed {seed}"
     problems = path_problems(settings, layout, path)
     try:
-        script = Script(settings.robot, path, speed_m_s, axis, settings.camera, layout, seed)
+        gaze_m = settings.target.gaze_m
+        script = Script(settings.robot, path, speed_m_s, axis, settings.camera, layout, seed, gaze_m)
     except ParameterError as error:
         raise ScenarioError(where, [*problems, str(error)]) from None
     problems += placement_problems(settings, layout, path, script)

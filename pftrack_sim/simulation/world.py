@@ -16,6 +16,7 @@ from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.target import places_alone
 from pftrack_sim.agents.robot.drive import Equilibrium
 from pftrack_sim.agents.robot.robot import Robot
+from pftrack_sim.agents.tracked_thing import TrackedThing
 from pftrack_sim.agents.traffic import Traffic
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ScenarioError
@@ -65,13 +66,15 @@ class World:
         people = add_agents(spec, settings, seed, plan.static_occluders, plan.cart_sizes)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
-        self.people = tuple(person.name for person in people)
         form, step_s = RobotForm.of(settings.robot, settings.camera), self.clock.step_s
         alone, equilibrium = compile_robot_alone(form, step_s), _equilibrium(form, step_s)
         self.robot = Robot(self.model, settings, self.clock, script, seed, equilibrium, alone)
         crowd = self._crowd(plan)
         carried = self._carried(people[0].anatomy) if settings.target.carries else None
-        self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed, carried)
+        thing, bearer = settings.target.thing, people[0].anatomy
+        tracked = TrackedThing(self.model, crowd.names[0], thing, bearer, self._path) if thing is not None else None
+        self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed, carried, tracked)
+        self.people = self.traffic.names
         rng = random_streams.stream(seed, "lights", "axis")
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
         mount = [self.model.body(name).id for name in _MOUNT]
@@ -81,7 +84,7 @@ class World:
         self.robot.reset(self.data)
         self.traffic.start(self.data)
         self._state = self.robot.scene_state(self.data, 0.0)
-        if settings.target.start_stride == "median":
+        if settings.target.start_stride == "median" and thing is None:
             self.traffic.start_in_mid_stride(self.data, self._state.T_world_camera)
         self._update_poses()
 
@@ -131,8 +134,8 @@ class World:
         data.geom_xmat[geoms] = (rotation @ data.geom_xmat[geoms].reshape(-1, 3, 3)).reshape(-1, 9)
 
     def root_poses(self) -> FloatArray:
-        """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""
-        return self.traffic.gait.root_poses
+        """`(P, 4, 4)` poses of target and people: origin on the ground below the pelvis or middle, x forward, z up."""
+        return self.traffic.root_poses
 
     def proprio(self) -> NDArray[np.float32]:
         """`(n,)` float32 proprioception of the robot, see `pftrack_sim.core.proprioception`."""
@@ -144,7 +147,7 @@ class World:
 
     def bystander_m(self) -> float:
         """Distance on the ground from the robot to the nearest person but the target [m]; inf where there is none."""
-        others = self.root_poses()[1:, :2, 3]
+        others = self.traffic.gait.root_poses[1:, :2, 3]
         return float(np.hypot(*(others - self.robot_pose()[:2]).T).min(initial=math.inf))
 
     def robot_pose(self) -> tuple[float, float, float]:

@@ -23,6 +23,7 @@ from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.renderer import checked_poses
 from pftrack_sim.render.segmentation import Segmenter
 from pftrack_sim.scene.layout import PEOPLE_GROUP, body_owners
+from pftrack_sim.scene.thing import BODY
 from pftrack_sim.truth.captured import CapturedScene
 from pftrack_sim.truth.geometry import SceneGeometry
 from pftrack_sim.truth.silhouettes import InstantScene, PeopleInView, Scene, Silhouette, SilhouetteFinder, poses_of
@@ -56,7 +57,8 @@ class _Frame(NamedTuple):
 class TruthObserver:
     """Truth of the people of one model; keeps the boxes of the last frame, for the image motion.
 
-    A person is every geom of the people's group on bodies named `"<name>/..."`, one of them `"<name>/pelvis"`.
+    A person is every geom of the people's group on bodies named `"<name>/..."`, one of them `"<name>/pelvis"`; a thing
+    that is tracked has `"<name>/body"` alone.
 
     Args:
         model: The model.
@@ -277,10 +279,11 @@ def _bodies(model: mujoco.MjModel, name: str, parts: Sequence[str]) -> list[int]
 
 
 def _pelvis(model: mujoco.MjModel, name: str) -> int:
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"{name}/pelvis")
-    if body < 0:
-        raise ParameterError(f"the model has no body '{name}/pelvis'")
-    return body
+    for part in ("pelvis", BODY):
+        body = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"{name}/{part}"))
+        if body >= 0:
+            return body
+    raise ParameterError(f"the model has no body '{name}/pelvis'")
 
 
 def _centre(box: FloatArray) -> tuple[float, float]:

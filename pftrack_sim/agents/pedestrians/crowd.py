@@ -135,6 +135,11 @@ class Crowd:
         return self._target.state[:2]
 
     @property
+    def tracked_m(self) -> Xy:
+        """x, y of what is tracked [m]: the target, or the thing in its hands."""
+        return self._target.tracked_m
+
+    @property
     def target_s_m(self) -> float:
         """Arc length of the target on its path."""
         return self._target.s_m

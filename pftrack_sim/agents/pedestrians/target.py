@@ -47,6 +47,7 @@ _WAVES_HZ = 1.6
 _SIT_AFTER_S, _SIT_DOWN_S, _SIT_UP_S = 2.1, 1.4, 1.3  # Begins to sit down when it has turned
 SITTING_FROM_S = _SIT_AFTER_S + _SIT_DOWN_S  # When a person who sits down is seated
 
+_REACH_SHARE = 0.29  # How far before the body hands hold a thing, as a share of the person's height
 _BOX_ARM = Arm(1.0, shoulder=0.30, elbow=1.35)
 _HOLDING: dict[Item, tuple[Arm | None, Arm | None]] = {
     "bag": (Arm(0.75, shoulder=0.02, elbow=0.12, outward=0.12), None),
@@ -64,12 +65,14 @@ class TargetWalk:
     Attributes:
         s_m: Arc length on the path.
         state: x, y [m] and vx, vy [m/s].
+        tracked_m: x, y of the target: of the thing that the person carries, where that is the target.
         heading_rad: Heading of the body: the path's direction, except where it turns to something else.
         posture: Posture of the body.
     """
 
     def __init__(self, path: Path, target: Target, axis: TargetAxis) -> None:
         self._path, self._axis, self._target = path, axis, target
+        self._reach_m = _REACH_SHARE * target.height_m if target.carried else 0.0
         self._acts = axis.on or bool(target.actions)
         speed_m_s = target.speed_m_s
         faster_m_s = axis.severity * axis.faster_m_s if axis.on else 0.0
@@ -116,7 +119,7 @@ class TargetWalk:
         return self._path.pose(min(self.s_m + self._walking_speed_m_s * ahead_s, self._path.length_m))[:2]
 
     def _hold(self) -> None:
-        if self._target.carries:
+        if self._target.carries or self._target.carried:
             self.posture = replace(self.posture, arms=arms(self._target, self._time_s, self.posture.arms))
 
     def _command(self, camera_m: Xy) -> Command:
@@ -147,6 +150,8 @@ class TargetWalk:
         x, y, heading = self._path.pose(self.s_m)
         self.heading_rad = heading + self._facing_rad
         self.state = (x, y, self._speed_m_s * math.cos(heading), self._speed_m_s * math.sin(heading))
+        reach_m = self._reach_m
+        self.tracked_m = x + reach_m * math.cos(self.heading_rad), y + reach_m * math.sin(self.heading_rad)
 
 
 class Command(NamedTuple):
@@ -220,6 +225,8 @@ def hands_on_thighs(share: float) -> tuple[Arm, Arm]:
 def arms(target: Target, time_s: float, free: tuple[Arm | None, Arm | None]) -> tuple[Arm | None, Arm | None]:
     """Left and right arm with what the target carries at this time; arms that carry nothing do as in `free`."""
     left, right = free
+    if target.carried:
+        return _BOX_ARM, _BOX_ARM
     for one in target.carries:
         share = held_share(one, target.actions, time_s)
         if share > 0.0 and one.item in _HOLDING:

@@ -19,12 +19,12 @@ from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
+from pftrack_sim.scenario.people import GAZE_M
 
 GAZE_DEAD_ZONE_RAD = math.radians(6.0)
 """The head does not react to smaller errors of direction: the target stays in view, but is rarely centred."""
 _GAZE_TIME_CONSTANT_S = 0.6
 _GAZE_URGENCY_RAD = math.radians(8.0)  # An error beyond the dead zone by this much doubles the gain
-_GAZE_HEIGHT_M = 1.1  # Height of the point of the target that the camera is turned to
 _MIN_DISTANCE_M = 0.3
 
 _START_S = 2.0  # Before this time nothing happens; the aim begins to wander from the target at the start
@@ -35,11 +35,11 @@ _COSINES = 12
 _EVENTS = 1024
 
 
-def bearing(T_world_camera: FloatArray, target_m: Xy) -> tuple[float, float]:
-    """Direction of a target at x, y from the optical axis, to the left and up [rad]."""
+def bearing(T_world_camera: FloatArray, target_m: Xy, height_m: float = GAZE_M) -> tuple[float, float]:
+    """Direction of a target at x, y and a height above the ground from the optical axis, to the left and up [rad]."""
     # Numbers one by one: arrays of three cost ten times as much.
     (x_x, y_x, z_x, at_x), (x_y, y_y, z_y, at_y), (x_z, y_z, z_z, at_z), _ = T_world_camera.tolist()
-    to_x, to_y, to_z = target_m[0] - at_x, target_m[1] - at_y, _GAZE_HEIGHT_M - at_z
+    to_x, to_y, to_z = target_m[0] - at_x, target_m[1] - at_y, height_m - at_z
     x = x_x * to_x + x_y * to_y + x_z * to_z
     y = y_x * to_x + y_y * to_y + y_z * to_z
     z = z_x * to_x + z_y * to_y + z_z * to_z
@@ -117,6 +117,7 @@ class Head:
     Args:
         half_view_rad: Half the horizontal and the vertical field of view.
         limits_rad_s: Highest pan and tilt rate.
+        gaze_m: Height of the point of the target that the camera is turned to.
     """
 
     def __init__(
@@ -125,8 +126,9 @@ class Head:
         half_view_rad: tuple[float, float],
         limits_rad_s: tuple[float, float],
         seed: int,
+        gaze_m: float = GAZE_M,
     ) -> None:
-        self._operator = operator
+        self._operator, self._gaze_m = operator, gaze_m
         self._limits_rad_s = limits_rad_s
         self._dead_zone_rad = math.radians(operator.dead_zone_deg)
         self._omega = 2.0 * math.pi * operator.head_hz
@@ -149,8 +151,10 @@ class Head:
 
     def rates(self, T_world_camera: FloatArray, target_m: Xy, tick_s: float, time_s: float) -> tuple[float, float]:
         """Pan, tilt rate [rad/s] for the coming tick, from a `(4, 4)` camera pose and x, y of the target."""
-        now = bearing(T_world_camera, target_m)
-        seen = bearing(T_world_camera, self._delayed(target_m, time_s)) if self._operator.reaction_s else now
+        now = bearing(T_world_camera, target_m, self._gaze_m)
+        seen = now
+        if self._operator.reaction_s:
+            seen = bearing(T_world_camera, self._delayed(target_m, time_s), self._gaze_m)
         for axis, aim in enumerate(self.aim(time_s)):
             edge = self._edges_rad[axis]
             error = math.remainder(seen[axis] - _within(aim, edge - self._dead_zone_rad), 2.0 * math.pi)

@@ -119,7 +119,7 @@ class Robot:
         """
         if command is None:
             forward, turn = self.script.drive(state.time_s, state.robot_pose, crowd.target_s_m)
-            pan, tilt = self.script.gaze(state.T_world_camera, crowd.target_m, dt_s, state.time_s)
+            pan, tilt = self.script.gaze(state.T_world_camera, crowd.tracked_m, dt_s, state.time_s)
             speeds = (forward, turn, pan, tilt)
         else:
             speeds = self.drive.scaled(command)

@@ -16,6 +16,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
 from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.scenario.model import Camera
+from pftrack_sim.scenario.people import GAZE_M
 from pftrack_sim.scene.layout import WalkableArea
 
 _BRAKE_S = 1.2  # Time that the base needs to brake from a walking speed, before it turns on the spot
@@ -68,6 +69,7 @@ class Script:
         camera: Its field of view decides how far the camera must turn to lose the target.
         layout: Walls and furniture that the operator's swings keep clear of; None for none.
         seed: Of the operator's random streams.
+        gaze_m: Height of the point of the target that the camera is turned to.
 
     Raises:
         ParameterError: There is no room for the operator's swings.
@@ -82,6 +84,7 @@ class Script:
         camera: Camera | None = None,
         layout: WalkableArea | None = None,
         seed: int = 0,
+        gaze_m: float = GAZE_M,
     ) -> None:
         self._axis = axis or TargetAxis()
         half, half_v = (camera or Camera()).half_view_rad
@@ -90,7 +93,7 @@ class Script:
         self._target = target
         self._target_speed_m_s = target_speed_m_s
         operator, head_limits = robot.operator, (math.radians(robot.max_pan_deg_s), math.radians(robot.max_tilt_deg_s))
-        self._head = Head(operator, (half, half_v), head_limits, seed)
+        self._head = Head(operator, (half, half_v), head_limits, seed, gaze_m)
         self._stops, self._nearness = Stops(operator, seed), Nearness(operator, seed)
         lane = Lane.of(robot, target)
         if lane is not None and layout is not None:

@@ -162,7 +162,8 @@ def add_person(spec: SceneSpec, person: Person) -> None:
 
 def part_mocap_ids(model: mujoco.MjModel, names: Sequence[str]) -> IntArray:
     """`(P, 13)` ids of the mocap bodies of people with these names, in the order of `PARTS`."""
-    return np.array([[model.body(f"{name}/{part}").mocapid[0] for part in PARTS] for name in names], dtype=np.intp)
+    ids = [[int(model.body(f"{name}/{part}").mocapid[0]) for part in PARTS] for name in names]
+    return np.array(ids, dtype=np.intp).reshape(-1, len(PARTS))
 
 
 def _collision_capsules(anatomy: Anatomy) -> dict[str, tuple[float, list[float]]]:

@@ -19,6 +19,7 @@ from pftrack_sim.scene.places.meshes import (
     TexturedMesh,
     box,
     cylinder,
+    ellipsoid,
     laid_on_side,
     loft,
     merged_by_material,
@@ -30,7 +31,15 @@ from pftrack_sim.scene.places.meshes import (
 
 _Arguments = ParamSpec("_Arguments")
 
-_FACES = {"all": ALL_FACES, "sides": SIDES, "wall": ("-y", "+x", "-x", "+z"), "ends": ("+x", "-x")}
+_FACES = {
+    "all": ALL_FACES,
+    "sides": SIDES,
+    "wall": ("-y", "+x", "-x", "+z"),
+    "ends": ("+x", "-x"),
+    "flanks": ("+y", "-y"),
+    "lids": ("+z", "-z"),
+    "rest": ("+y", "-y", "+z", "-z"),
+}
 
 
 def built_once(build: Callable[_Arguments, Prop]) -> Callable[_Arguments, Prop]:
@@ -102,4 +111,5 @@ _SHAPES: dict[str, Callable[..., TexturedMesh]] = {
     "cylinder": cylinder,
     "wheel": _wheel,
     "blob": _blob,
+    "ball": ellipsoid,
 }

@@ -190,6 +190,14 @@ def rough_ellipsoid(
     )
 
 
+def ellipsoid(texture: Texture, centre: ArrayLike, radii: ArrayLike, segments: int = 20) -> TexturedMesh:
+    """A smooth ellipsoid; the texture goes round it once. `centre` and half axes `radii` are `(3,)` [m]."""
+    smooth = rough_ellipsoid(texture, centre, radii, np.random.default_rng(0), 0.0, segments)
+    axes = np.asarray(radii, dtype=np.float64)
+    uv = texture.coordinates(_grid_points(segments, segments // 2 + 1), 2.0 * np.pi * axes[[0, 2]] * (1.0, 0.5))
+    return TexturedMesh(smooth.material, smooth.vertices, smooth.normals, uv, smooth.faces)
+
+
 def tufts(
     texture: Texture, centre: ArrayLike, radii: ArrayLike, rng: np.random.Generator, count: int, size_m: float
 ) -> TexturedMesh:
