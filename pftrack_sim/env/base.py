@@ -120,6 +120,19 @@ class CameraEnv(gym.Env[Observation, Any]):
         self._show_window()
         return self._observation(self._frame), self._info(self._frame)
 
+    def switch_target(self, name: str) -> None:
+        """Track another person of `info["people"]` from the next frame on; the world does not change.
+
+        The frame in which anything of that person can first be seen has `first` 1 and the person's box, as the first
+        one of an episode; truth, rewards and the end of the episode are about that person then.
+
+        Raises:
+            UnknownNameError: There is no such person in the episode.
+            ScenarioError: No episode is running.
+        """
+        self.simulation.switch_target(name)
+        self._selected_in = None
+
     def render(self) -> NDArray[Any] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Picture of the episode; None without a render mode, and for `"human"`, whose window follows by itself.
 

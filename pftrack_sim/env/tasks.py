@@ -123,7 +123,7 @@ class FollowEnv(CameraEnv):
             **self._info(frame),
             "distance_m": distance_m,
             "bearing_rad": bearing_rad,
-            "bystander_m": self.simulation.world.bystander_m(),
+            "bystander_m": self.simulation.world.bystander_m(frame.truth.name),
             "collision": collision,
             "lost_s": lost_s,
             "command": self.simulation.command if self.simulation.command is not None else np.zeros(4),

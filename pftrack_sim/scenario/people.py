@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Collection, Sequence
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.errors import UnknownNameError
@@ -266,6 +267,30 @@ def _known(kind: str, name: str, names: Collection[str]) -> str:
     return name
 
 
+def _colour(text: str) -> str:
+    if not re.fullmatch("#[0-9a-fA-F]{6}", text):
+        raise ValueError("must be red, green and blue in hexadecimal digits, as '#a03020'")
+    return text
+
+
+_Hex = Annotated[str, AfterValidator(_colour)]
+
+
+class Clothes(Section):
+    """How the target looks; what is left out is drawn from the seed."""
+
+    top: _Hex | None = setting(None, "Colour of shirt or jacket, as '#a03020'.")
+    bottom: _Hex | None = setting(None, "Colour of the trousers.")
+    shoes: _Hex | None = setting(None, "Colour of the shoes.")
+    pattern: Literal["plain", "stripes", "checks", "print", "block", "dots"] | None = setting(None, "Of the top.")
+    cut: Literal["shirt", "jacket", "hood"] | None = setting(None, "Of the top: with a hood, or a jacket to the hips.")
+    long_sleeves: bool | None = setting(None, "Whether sleeves reach the wrists.")
+    long_legs: bool | None = setting(None, "Whether trousers reach the ankles.")
+    hair: Literal["short", "medium", "long", "bun", "cap", "bald"] | None = setting(None, "Hair, or a cap.")
+    skin: _Hex | None = setting(None, "Colour of the skin.")
+    girth: float | None = number(None, 0.85, 1.3, "Thickness of the trunk; 1 is the average.")
+
+
 class Target(Section):
     """The person, or thing, to track."""
 
@@ -282,6 +307,7 @@ class Target(Section):
     speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")
     height_m: float = number(1.74, 1.4, 2.1, "Body height.")
     thing: Thing | None = setting(None, "What is tracked in the place of the person.")
+    clothes: Clothes = Clothes()
     wardrobe: int = number(
         0,
         0,

@@ -29,7 +29,7 @@ from pftrack_sim.scene.places.place import add_place
 from pftrack_sim.scene.places.seats import Seat
 from pftrack_sim.scene.robot import RobotForm, add_robot
 from pftrack_sim.scene.scene_spec import BLANK, SceneSpec, mesh_file
-from pftrack_sim.scene.thing import WALKER, add_thing
+from pftrack_sim.scene.thing import BEARER, WALKER, add_thing
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
 _MAX_SHADE = 0.9
@@ -122,11 +122,12 @@ def add_agents(
         [walker.similarity for walker in _walkers(settings)],
         [settings.axes.distractors.similarity] * len(settings.axes.distractors.passings_s),
         [group.similarity for group in settings.groups for _ in range(group.count)],
+        settings.target.clothes,
     )
     thing = settings.target.thing
     if thing is not None:
         add_thing(spec, people[0].name, thing)
-        people = (replace(people[0], name="bearer" if thing.moves == "carried" else WALKER), *people[1:])
+        people = (replace(people[0], name=BEARER if thing.moves == "carried" else WALKER), *people[1:])
     for person in people:
         if person.name != WALKER:
             add_person(spec, person)

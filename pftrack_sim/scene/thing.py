@@ -18,8 +18,8 @@ from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, translated
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 BODY = "body"  # Name of its only part: "target/body"
-WALKER = "walker"
-"""Name of a person who is not drawn: one whose way a thing takes that moves by itself."""
+BEARER, WALKER = "bearer", "walker"
+"""Names of who carries it, and of a person who is not drawn, whose way a thing takes that moves by itself."""
 
 
 @lru_cache(maxsize=16)

@@ -115,6 +115,17 @@ class Simulation:
         self._index = len(stops) - 1
         return self._take_frame()
 
+    def switch_target(self, name: str) -> None:
+        """Tell of this person as the target of the running episode, from the next frame on; the world does not change.
+
+        Raises:
+            UnknownNameError: There is no such person: see `world.people`.
+            ScenarioError: No episode is running.
+        """
+        if self._truth is None:
+            raise self._no_episode()
+        self._truth.track(name)
+
     def retune(self, scenario: Scenario, seed: int) -> None:
         """Continue the running episode with other severities or parameters of `LIVE_AXES`, from the next frame on.
 

@@ -28,6 +28,7 @@ from pftrack_sim.scene.build import add_agents, build_stage, compile_robot_alone
 from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.robot import RobotForm
+from pftrack_sim.scene.thing import BEARER
 from pftrack_sim.simulation.feasibility import planned_seats, seat_problems
 from pftrack_sim.simulation.planning import Plan, make_plan, make_script
 from pftrack_sim.simulation.target_path import target_points
@@ -145,9 +146,10 @@ class World:
         """Name of the first person or thing that the robot touched since the previous frame, or None."""
         return self._collision
 
-    def bystander_m(self) -> float:
+    def bystander_m(self, target: str) -> float:
         """Distance on the ground from the robot to the nearest person but the target [m]; inf where there is none."""
-        others = self.traffic.gait.root_poses[1:, :2, 3]
+        ours = {target, BEARER} if target == self.people[0] else {target}
+        others = self.root_poses()[[name not in ours for name in self.people], :2, 3]
         return float(np.hypot(*(others - self.robot_pose()[:2]).T).min(initial=math.inf))
 
     def robot_pose(self) -> tuple[float, float, float]:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.camera.pinhole import camera_matrix
 from pftrack_sim.core import boxes
-from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.photometry import LUMINANCE
 from pftrack_sim.core.records import DeferredPeople, Image, State, Truth, frozen_array
 from pftrack_sim.core.types import FloatArray
@@ -36,6 +36,7 @@ class _Frame(NamedTuple):
     """What is known of everybody in one frame without silhouettes.
 
     Attributes:
+        target: Index of the target among the people.
         boxes: Amodal and swept box [px] of a person.
         before: The same in the frame before; None for the first frame.
         pelvis_m: `(P, 3)` places of the pelvises.
@@ -45,6 +46,7 @@ class _Frame(NamedTuple):
         time_s: Time since the start of the episode.
     """
 
+    target: int
     boxes: Callable[[int], tuple[FloatArray, FloatArray]]
     before: Callable[[int], tuple[FloatArray, FloatArray]] | None
     pelvis_m: FloatArray
@@ -97,6 +99,7 @@ class TruthObserver:
         boxed = np.flatnonzero(in_group & np.isin(model.geom_bodyid, _bodies(model, people[0], parts)))
         self._finder = SilhouetteFinder(model, self._segmenter, geoms, boxed)
         self._has_parts = bool(parts)
+        self._target = 0
         self._before: Callable[[int], tuple[FloatArray, FloatArray]] | None = None
         """Boxes of a person in the last frame; None before the first."""
         self._silhouette: Callable[[int], Silhouette | None] = lambda _: None
@@ -107,6 +110,16 @@ class TruthObserver:
         """Silhouettes in the last frame, by person, of those who may have a pixel in it."""
         found = {name: self._silhouette(person) for person, name in enumerate(self._people)}
         return {name: silhouette for name, silhouette in found.items() if silhouette is not None}
+
+    def track(self, name: str) -> None:
+        """Tell of this person as the target from the next frame on.
+
+        Raises:
+            UnknownNameError: There is no such person.
+        """
+        if name not in self._people:
+            raise UnknownNameError("person", name, self._people)
+        self._target = self._people.index(name)
 
     def finish(self) -> None:
         """Find all people of frames that are still referenced, whose poses would otherwise be kept with them."""
@@ -171,14 +184,15 @@ class TruthObserver:
             known, row = (view.all, person) if person else (view.first, int(self._has_parts))
             return known.boxes[row], known.swept[row]
 
-        frame = _Frame(boxes_of, self._before, pelvis_m, roots, pose, distortion, time_s)
+        frame = _Frame(self._target, boxes_of, self._before, pelvis_m, roots, pose, distortion, time_s)
         self._before, self._silhouette = boxes_of, view.silhouette
 
         def others() -> tuple[Truth, ...]:
-            found = (self._truth(frame, person, view.silhouette(person), image) for person in range(1, len(roots)))
+            rest = (person for person in range(len(roots)) if person != frame.target)
+            found = (self._truth(frame, person, view.silhouette(person), image) for person in rest)
             return tuple(one for one in found if one is not None)
 
-        target = cast("Truth", self._truth(frame, 0, view.silhouette(0), image))
+        target = cast("Truth", self._truth(frame, frame.target, view.silhouette(frame.target), image))
         people = self._unread[frame.time_s] = DeferredPeople(target, others)
         return people
 
@@ -223,7 +237,7 @@ class TruthObserver:
         """Truth of a person; None for others than the target without an amodal pixel in the image."""
         box, truncation = _clipped(frame.boxes(person)[0], *self._size)
         inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and box[2] * box[3] else 0
-        if person and not inside:
+        if person != frame.target and not inside:
             return None
         state: State = "occluded" if inside else "out_of_view"
         visible_box, fraction, luminance = boxes.NO_BOX, 0.0, float("nan")

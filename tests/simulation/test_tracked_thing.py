@@ -81,7 +81,7 @@ def test_the_bearer_is_a_person_of_its_own_and_no_bystander():
         target, bearer = frame.people
         assert target.amodal_box[3] < 0.4 * bearer.amodal_box[3]
         assert 1.0 < target.distance_m < 3.5
-        assert simulation.world.bystander_m() == np.inf
+        assert simulation.world.bystander_m("target") == np.inf
         root = target.T_world_target
         assert root[2, 3] == 0.0
         assert root[2, 2] == 1.0

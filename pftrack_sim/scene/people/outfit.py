@@ -10,16 +10,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.random_streams import pick
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scene.people.anatomy import Colour, rgb
+from pftrack_sim.scenario.people import Clothes
+from pftrack_sim.scene.people.anatomy import Anatomy, Colour, rgb
 
 Pattern: TypeAlias = Literal["plain", "stripes", "pinstripes", "checks", "print", "block", "dots"]
 Cut: TypeAlias = Literal["shirt", "jacket", "hood"]
@@ -82,6 +83,32 @@ def sample_outfit(rng: np.random.Generator) -> Outfit:
         cut=cut,
         looseness=float(rng.uniform(0.2, 0.9)),
     )
+
+
+def dressed(outfit: Outfit, clothes: Clothes) -> Outfit:
+    """The outfit with what a scenario says of it; a colour of its own is plain unless a pattern is named."""
+    garments = {
+        name: replace(getattr(outfit, name), colour=_of_hex(colour), pattern="plain")
+        for name, colour in (("top", clothes.top), ("bottom", clothes.bottom), ("shoes", clothes.shoes))
+        if colour is not None
+    }
+    if clothes.pattern is not None:
+        garments["top"] = replace(garments.get("top", outfit.top), pattern=clothes.pattern)
+    cut: dict[str, Any] = {name: getattr(clothes, name) for name in ("cut", "long_sleeves", "long_legs")}
+    return replace(outfit, **garments, **{name: value for name, value in cut.items() if value is not None})
+
+
+def groomed(anatomy: Anatomy, clothes: Clothes) -> Anatomy:
+    """The body with what a scenario says of its build, skin and hair."""
+    said: dict[str, Any] = {"hair_style": clothes.hair, "girth": clothes.girth}
+    if clothes.skin is not None:
+        said["skin"] = _of_hex(clothes.skin)
+    return replace(anatomy, **{name: value for name, value in said.items() if value is not None})
+
+
+def _of_hex(colour: str) -> Colour:
+    red, green, blue = bytes.fromhex(colour[1:])
+    return red, green, blue
 
 
 def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: float) -> Outfit:

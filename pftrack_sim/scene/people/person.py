@@ -12,12 +12,13 @@ import numpy as np
 
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import IntArray
+from pftrack_sim.scenario.people import Clothes
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 from pftrack_sim.scene.people import body_meshes
 from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
 from pftrack_sim.scene.people.head_mesh import head_mesh
 from pftrack_sim.scene.people.mesh import TriangleMesh, mirrored
-from pftrack_sim.scene.people.outfit import Outfit, sample_outfit, similar_outfit
+from pftrack_sim.scene.people.outfit import Outfit, dressed, groomed, sample_outfit, similar_outfit
 from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, paint_atlas
 from pftrack_sim.scene.scene_spec import BLANK, SceneSpec
 
@@ -66,17 +67,19 @@ def sample_people(
     crosser_similarities: Sequence[float],
     passer_similarities: Sequence[float] = (),
     member_similarities: Sequence[float] = (),
+    clothes: Clothes | None = None,
 ) -> tuple[Person, ...]:
     """Sample `target`, `distractor-1`.., `crosser-1`.., `passer-1`.., `member-1`..; adding a person changes no other.
 
     A similarity is that of the appearance to the target, in clothes, height and girth, from 0 to 1 (the same clothes
     and body): one for all distractors, one for each pedestrian that crosses the line of sight, and one for each that
-    passes close by the target or belongs to a group.
+    passes close by the target or belongs to a group. `clothes` says what the target's are, the rest is drawn.
     """
+    clothes = clothes or Clothes()
     target = Person(
         "target",
-        sample_anatomy(stream(seed, "anatomy", "target"), target_height_m),
-        sample_outfit(stream(seed, "clothes", "target")),
+        groomed(sample_anatomy(stream(seed, "anatomy", "target"), target_height_m), clothes),
+        dressed(sample_outfit(stream(seed, "clothes", "target")), clothes),
     )
     roles = {
         "distractor": [distractor_similarity] * distractor_count,

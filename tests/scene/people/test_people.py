@@ -11,6 +11,7 @@ import pytest
 from pftrack_sim import scenario
 from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.core.data_files import asset_table
+from pftrack_sim.scenario.people import Clothes
 from pftrack_sim.scene.build import add_agents
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 from pftrack_sim.scene.people.anatomy import sample_anatomy
@@ -274,3 +275,26 @@ def test_garments_are_as_frequent_as_their_weights():
     worn = [sample_outfit(rng(seed)).top.pattern for seed in range(600)]
     for pattern, weight in weights.items():
         assert abs(worn.count(pattern) / 600 - weight / sum(weights.values())) < 0.07
+
+
+def test_a_scenario_says_what_the_target_wears_and_the_rest_is_drawn():
+    drawn = sample_people(5, 1.7, 2, 0.0, [])[0]
+    clothes = Clothes(
+        top="#a03020", shoes="#102030", cut="hood", hair="cap", skin="#c09070", girth=1.2, long_legs=False
+    )
+    dressed = sample_people(5, 1.7, 2, 1.0, [], clothes=clothes)
+    target = dressed[0]
+    assert target.outfit.top.colour == (0xA0, 0x30, 0x20)
+    assert (target.outfit.top.pattern, target.outfit.cut, target.outfit.long_legs) == ("plain", "hood", False)
+    assert target.outfit.bottom == drawn.outfit.bottom
+    assert target.outfit.shoes.colour == (16, 32, 48)
+    assert (target.anatomy.hair_style, target.anatomy.girth, target.anatomy.skin) == ("cap", 1.2, (192, 144, 112))
+    assert target.anatomy.height_m == drawn.anatomy.height_m
+    assert dressed[1].outfit == target.outfit, "look-alikes are like it"
+    checked = sample_people(5, 1.7, 0, 0.0, [], clothes=Clothes(pattern="checks"))[0]
+    assert (checked.outfit.top.colour, checked.outfit.top.pattern) == (drawn.outfit.top.colour, "checks")
+
+
+def test_colours_are_hexadecimal():
+    with pytest.raises(ValueError, match="red, green and blue in hexadecimal digits, as '#a03020'"):
+        Clothes(top="red")

@@ -1,0 +1,100 @@
+"""One target is handed over for another while an episode runs."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import pftrack_sim  # noqa: F401 - registers the environments
+from pftrack_sim import controllers, policies, trackers
+from pftrack_sim.core.errors import ScenarioError, UnknownNameError
+from pftrack_sim.core.records import Truth
+
+SMALL: dict[str, Any] = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadows": False, "duration_s": 12}
+
+
+def track(name: str | None = None, switch_at: int = 20, steps: int = 60) -> tuple[list[Any], list[dict[str, Any]]]:
+    env = gym.make("pftrack_sim/Track-v0", scenario="plaza-walk", overrides=SMALL, image=False)
+    observation, info = env.reset(seed=3)
+    observations, infos = [observation], [info]
+    for step in range(steps):
+        if name is not None and step == switch_at:
+            env.unwrapped.switch_target(name)
+        observation, *_, info = env.step(np.array([1.0, 1.0, 9.0, 9.0]))
+        observations.append(observation)
+        infos.append(info)
+    env.close()
+    return observations, infos
+
+
+def same(one: Truth, other: Truth) -> bool:
+    """Whether two records are equal to the bit; NaN equals NaN."""
+    pairs = [(getattr(one, name), getattr(other, name)) for name in Truth.__dataclass_fields__]
+    return all(np.array_equal(a, b, equal_nan=True) if isinstance(a, np.ndarray | float) else a == b for a, b in pairs)
+
+
+def test_the_other_person_is_told_of_as_in_an_episode_without_a_switch():
+    _, plain = track()
+    name, seen = plain[25]["people"][1].name, 0
+    observations, switched = track(name)
+    for index, (before, after) in enumerate(zip(plain, switched, strict=True)):
+        if index <= 20:
+            assert after["truth"].name == "target"
+            assert same(before["truth"], after["truth"])
+            continue
+        assert after["truth"].name == after["people"][0].name == name
+        assert {one.name for one in after["people"]} >= {one.name for one in before["people"]} - {"target"}
+        known = {one.name: one for one in before["people"]}
+        if name in known:
+            seen += 1
+            assert same(known[name], after["truth"])
+        if "target" in known:
+            others = {one.name: one for one in after["people"]}
+            assert same(known["target"], others["target"])
+        else:
+            assert after["truth"].state == "out_of_view"
+    assert seen > 10
+    first = [index for index, one in enumerate(observations) if one["first"]]
+    assert first[0] == 0
+    assert len(first) == 2
+    assert first[1] > 20
+    assert np.array_equal(observations[first[1]]["init_box"], switched[first[1]]["truth"].box)
+    assert switched[-1]["overlap"] == pytest.approx(0.0, abs=0.2)
+
+
+def test_the_robot_goes_over_to_the_other_person():
+    env = gym.make("pftrack_sim/Follow-v0", scenario="plaza-walk", overrides=SMALL, image=False)
+    policy = policies.FollowPolicy(trackers.make("oracle"), controllers.make("servo"))
+    observation, info = env.reset(seed=3)
+    while info["time_s"] < 3.0:
+        observation, *_, info = env.step(policy(observation, info))
+    near = min(
+        (one for one in info["people"][1:] if one.visible_fraction > 0.9 and one.truncation == 0.0),
+        key=lambda one: one.distance_m,
+    )
+    env.unwrapped.switch_target(near.name)
+    before_m = near.distance_m
+    followed = []
+    while info.get("outcome") is None:
+        observation, *_, info = env.step(policy(observation, info))
+        followed.append(abs(info["bearing_rad"]))
+        assert info["truth"].name == near.name
+    assert np.median(followed) < 0.2
+    assert info["distance_m"] < max(before_m, 4.5)
+    env.close()
+
+
+def test_a_new_episode_has_the_scenarios_target_and_unknown_people_are_refused():
+    env = gym.make("pftrack_sim/Track-v0", scenario="plaza-walk", overrides=SMALL, image=False)
+    with pytest.raises(ScenarioError, match="no episode is running"):
+        env.unwrapped.switch_target("distractor-1")
+    env.reset(seed=3)
+    with pytest.raises(UnknownNameError, match="unknown person 'distractor-9'; did you mean 'distractor"):
+        env.unwrapped.switch_target("distractor-9")
+    env.unwrapped.switch_target("distractor-2")
+    *_, info = env.step(np.zeros(4))
+    assert info["truth"].name == "distractor-2"
+    _, info = env.reset(seed=3)
+    assert info["truth"].name == "target"
+    env.close()
