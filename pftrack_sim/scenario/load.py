@@ -14,9 +14,10 @@ from pydantic import ValidationError
 
 from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.calibration import read_calibration
+from pftrack_sim.core.code_digest import file_digest
 from pftrack_sim.core.data_files import envs_dir
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
-from pftrack_sim.core.inputs import MAX_DEPTH, MAX_TEXT, check_tree, parse_toml, read_bytes
+from pftrack_sim.core.inputs import MAX_DEPTH, MAX_TEXT, check_tree, is_file, parse_toml, read_bytes
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import ranges
 from pftrack_sim.scenario.extends import extended
@@ -99,7 +100,7 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
         loaded = scenario
     elif isinstance(scenario, Mapping):
         _check_tree("custom", scenario)
-        tree = _with_calibration("custom", ranges.replaced(scenario, {}), Path())
+        tree = _with_files("custom", ranges.replaced(scenario, {}), Path())
         loaded = Scenario("custom", extended("custom", tree, _base, None))
     else:
         loaded = _read(scenario)
@@ -113,7 +114,7 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
         errors += [error] if error else []
     if overrides:
         _check_tree(loaded.name, tree)
-        tree = _with_calibration(loaded.name, tree, Path())
+        tree = _with_files(loaded.name, tree, Path())
     # An override that shortens an episode cuts its actions off, now or when this Scenario was loaded.
     whole = not isinstance(scenario, Scenario) and "duration_s" not in (overrides or {})
     errors += _problems(tree, whole=whole)
@@ -125,18 +126,36 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
 
 def _read(scenario: str | Path) -> Scenario:
     path, name = _located(scenario, Path(scenario))
-    tree = _with_calibration(name, read_toml(path, name), path.parent)
+    tree = _with_files(name, read_toml(path, name), path.parent)
     return Scenario(name, extended(name, tree, _base, path.resolve()))
 
 
 def _base(name: str, named_in: Path | None) -> tuple[Path, Tree]:
     """Path and tree of a base; a path is relative to the file that names it."""
     path, name = _located(name, Path(name) if named_in is None else named_in.parent / name)
-    return path.resolve(), _with_calibration(name, read_toml(path, name), path.parent)
+    return path.resolve(), _with_files(name, read_toml(path, name), path.parent)
+
+
+def _with_files(name: str, tree: Tree, folder: Path) -> Tree:
+    """The tree with what the files that it names tell in their place; paths are relative to the folder."""
+    return _with_model(name, _with_calibration(name, tree, folder), folder)
+
+
+def _with_model(name: str, tree: Tree, folder: Path) -> Tree:
+    """The tree with the whole path of `robot.model`, and a digest of the file."""
+    robot = tree.get("robot")
+    file = cast("Tree", robot).get("model") if isinstance(robot, Mapping) else None
+    if not isinstance(file, str) or file.startswith("menagerie:"):
+        return tree
+    path = (folder / file).resolve()
+    if not is_file(path):
+        raise ScenarioError(name, [f"robot.model: no such file: {one_line(str(path))}"])
+    own = {"model": str(path), "model_digest": file_digest(path)}
+    return {**tree, "robot": {**cast("Tree", robot), **own}}
 
 
 def _with_calibration(name: str, tree: Tree, folder: Path) -> Tree:
-    """The tree with what the file `camera.calibration` tells in its place; a path is relative to the folder."""
+    """The tree with what the file `camera.calibration` tells in its place."""
     camera = tree.get("camera")
     if not isinstance(camera, Mapping) or "calibration" not in camera:
         return tree

@@ -9,6 +9,9 @@ from pydantic import Field, model_validator
 
 from pftrack_sim.scenario.section import Angle, Coordinate, Point, Positive, Section, number, setting
 
+OWN_RADIUS_M = 0.25  # Of the robot that ships
+_ROLES = ("camera_site", "drive", "wheels", "pan", "tilt")  # Keys about the file of a robot
+
 
 class StillRoute(Section):
     """The robot stands still."""
@@ -134,9 +137,23 @@ class Sills(Section):
 
 
 class Robot(Section):
-    """The differential-drive robot that carries the camera, and its script in open-loop episodes."""
+    """The robot that carries the camera, ours or that of a file, and its script in open-loop episodes."""
 
     route: Route
+    model: str | None = setting(None, "MJCF or URDF file of a robot, or 'menagerie:' and a name; left out, our own.")
+    model_digest: str = setting("", "Digest of that file, as it was read.")
+    camera_site: str | None = setting(
+        None, "Its camera, or the site or link where the camera is; left out, its first camera, or one called camera."
+    )
+    drive: Literal["planar", "omni", "differential"] = setting(
+        "planar",
+        "How its base moves. 'differential': forwards, and about the middle of its axle; 'planar' and 'omni': without "
+        "a pan joint its body turns to the target whatever its course.",
+    )
+    wheels: tuple[str, str] | None = setting(None, "Joints of its left and right wheel: the middle, track and radius.")
+    pan: str | None = setting(None, "Its joint that pans the camera, or 'none'; left out, the nearest upright hinge.")
+    tilt: str | None = setting(None, "Its joint that tilts it, or 'none'; left out, the nearest lateral hinge.")
+    radius_m: float | None = number(None, 0.05, 3, "Its radius on the ground; left out, that of what collides.")
     gaze: Literal["target", "forward"] = setting(
         "target", "'target': the head follows the target with an operator's lag; 'forward': fixed."
     )
@@ -151,3 +168,15 @@ class Robot(Section):
     )
     latency_ms: float = number(0.0, 0, 2000, "Delay from a command to the motors, rounded to the physics step.")
     odometry_error_percent: float = number(0.5, 0, 20, "Standard deviation of the odometry's wheel radii and track.")
+
+    @model_validator(mode="after")
+    def _of_a_model(self) -> Robot:
+        given = [key for key in _ROLES if getattr(self, key) != type(self).model_fields[key].default]
+        if self.model is None and given:
+            raise ValueError(f"{', '.join(given)}: about the file of a robot: set robot.model, too")
+        return self
+
+    @property
+    def half_width_m(self) -> float:
+        """Radius of the robot on the ground."""
+        return OWN_RADIUS_M if self.radius_m is None else self.radius_m

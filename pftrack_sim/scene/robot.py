@@ -1,4 +1,4 @@
-"""The robot: loads `assets/robot.xml` and adapts it to a scenario's camera and floor."""
+"""The robot: that of a scenario's file, or `assets/robot.xml` adapted to the camera and the floor."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ from dataclasses import dataclass
 import mujoco
 
 from pftrack_sim.core.data_files import assets_dir
-from pftrack_sim.scenario import model
+from pftrack_sim.core.errors import ParameterError, ScenarioError
+from pftrack_sim.scenario import ResolvedScenario, model
 from pftrack_sim.scenario.robot import Robot
+from pftrack_sim.scene.robot_file.fitting import add_fitted, fit
+from pftrack_sim.scene.robot_file.roles import Roles
+from pftrack_sim.scene.scene_spec import SceneSpec
 
 PREFIX = "robot/"
 BASE = "robot/base"
@@ -79,19 +83,63 @@ class RobotForm:
     camera_height_m: float
     camera_tilt_deg: float
     camera_fovy_deg: float
+    roles: Roles | None = None
 
     @classmethod
     def of(cls, robot: Robot, camera: model.Camera) -> RobotForm:
         """That of a scenario."""
-        return cls(robot.floor_friction, camera.height_m, camera.tilt_deg, camera.fovy_deg)
+        return cls(robot.floor_friction, camera.height_m, camera.tilt_deg, camera.fovy_deg, Roles.of(robot))
+
+    @property
+    def lens_m(self) -> float:
+        """From the middle of the base forward to the optical centre, in the direction of the gaze."""
+        if self.roles is None:
+            return LENS_M * math.cos(math.radians(self.camera_tilt_deg))
+        pose = fit(self.roles).T_base_camera
+        ahead = pose[:2, 2] / max(math.hypot(*pose[:2, 2]), 1e-9)
+        return float(ahead @ pose[:2, 3])
 
 
-def add_robot(spec: mujoco.MjSpec, form: RobotForm) -> None:
+def fitted_settings(settings: ResolvedScenario) -> ResolvedScenario:
+    """A scenario with what follows from the file of its robot: the camera's height, and the robot's radius.
+
+    Raises:
+        ScenarioError: The file cannot be used; the message says why.
+    """
+    roles, robot, camera = Roles.of(settings.robot), settings.robot, settings.camera
+    if roles is None:
+        return settings
+    try:
+        found = fit(roles)
+        if camera.tilt_deg and not found.tilts:
+            raise ParameterError(f"camera.tilt_deg: no joint of the robot tilts its camera, got {camera.tilt_deg:g}")
+    except ParameterError as error:
+        raise ScenarioError(repr(settings.title), [str(error)]) from None
+    height_m, radius_m = float(found.T_base_camera[2, 3]), robot.radius_m or found.radius_m
+    slow = {} if found.pans else {"max_pan_deg_s": min(robot.max_pan_deg_s, robot.max_turn_deg_s)}
+    changed = {"radius_m": radius_m, **slow}
+    return settings.model_copy(
+        update={"robot": robot.model_copy(update=changed), "camera": camera.model_copy(update={"height_m": height_m})}
+    )
+
+
+def mount(model: mujoco.MjModel) -> list[int]:
+    """Bodies that carry the camera and shake with it: those above the base, or the base where it has none."""
+    bodies = [int(model.cam_bodyid[model.camera(CAMERA).id])]
+    while model.body_parentid[bodies[-1]] > 0:
+        bodies.append(int(model.body_parentid[bodies[-1]]))
+    return bodies[:-1] or bodies
+
+
+def add_robot(spec: SceneSpec, form: RobotForm) -> None:
     """Attach the robot to the world at the origin, facing +x, resting on the ground z = 0.
 
     The spec gains bodies, joints, actuators, sensors and the camera, all named `"robot/..."`. It needs a colliding
     ground plane at z = 0 and gravity along -z. The drive (`agents.robot`) applies the speed limits.
     """
+    if form.roles is not None:
+        add_fitted(spec, fit(form.roles), PREFIX, form.camera_fovy_deg)
+        return
     mjcf = mujoco.MjSpec.from_file(str(assets_dir() / "robot.xml"))
     mast = Mast.for_camera(form.camera_height_m, math.radians(form.camera_tilt_deg))
     mjcf.camera("camera").fovy = form.camera_fovy_deg

@@ -19,7 +19,7 @@ from pftrack_sim.agents.robot.drive import ACCELERATION
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
-from pftrack_sim.scene.robot import LENS_M, REST_YAW_RAD
+from pftrack_sim.scene.robot import REST_YAW_RAD, RobotForm
 
 _TICK_S = 0.04  # The motors follow their commands by about this time later
 
@@ -74,7 +74,7 @@ def dry_run(settings: ResolvedScenario, path: Path, script: Script, end_s: float
     script.reset()
     x, y, heading, _ = script.start_pose()
     mount_rad = REST_YAW_RAD[camera.mount]
-    lens_m = LENS_M * math.cos(math.radians(camera.tilt_deg))
+    lens_m = RobotForm.of(robot, camera).lens_m
     speed_step, turn_step = (ACCELERATION[:2] * _TICK_S).tolist()
     max_turn_rad_s = math.radians(robot.max_turn_deg_s)
     commands = deque([(0.0, 0.0)] * round(1e-3 * robot.latency_ms / _TICK_S))

@@ -15,7 +15,6 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.groups import group_members
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.target import SEAT_FACING_RAD, SITTING_FROM_S, places_alone
-from pftrack_sim.agents.robot.lane import ROBOT_RADIUS_M
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
@@ -50,18 +49,18 @@ def placement_problems(settings: ResolvedScenario, layout: WalkableArea, path: P
     target = _walked(settings, path)
     start = script.start_pose()
     robot = np.array([[start.x_m], [start.y_m]])
-    found: list[str | None] = []
+    radius_m, found = settings.robot.half_width_m, list[str | None]()
     if isinstance(settings.robot.route, StillRoute):
-        found.append(_misplaced(robot, layout, ROBOT_RADIUS_M, "robot.route: the robot would stand in", "be outside"))
+        found.append(_misplaced(robot, layout, radius_m, "robot.route: the robot would stand in", "be outside"))
         gap_m = float(np.hypot(*(target - robot)).min())
     else:
         gap_m = float(np.hypot(*(target[:, :1] - robot)).min())
     thing = settings.target.thing
     body_m = _BODY_M if thing is None else float(half_sizes_m(thing)[:2].max())
-    if gap_m < ROBOT_RADIUS_M + body_m:
+    if gap_m < radius_m + body_m:
         found.append(
             f"robot.route: the robot would stand on the target: their centres come within {gap_m:.2f} m, "
-            f"at least {ROBOT_RADIUS_M + body_m:.2f} m are needed"
+            f"at least {radius_m + body_m:.2f} m are needed"
         )
     found.append(_unseen(settings, target - robot))
     return [line for line in found if line is not None]

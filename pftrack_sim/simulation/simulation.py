@@ -25,6 +25,7 @@ from pftrack_sim.render.renderer import Renderer, check_name, open_renderer
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
 from pftrack_sim.scene.people.person import TRUNK
+from pftrack_sim.scene.robot import fitted_settings
 from pftrack_sim.simulation.world import World
 from pftrack_sim.truth.geometry import SceneGeometry
 from pftrack_sim.truth.observer import TruthObserver
@@ -139,7 +140,7 @@ class Simulation:
         Raises:
             ScenarioError: It differs in something else, or the lens is not invertible.
         """
-        settings, present = scenario.resolve(seed), self.settings
+        settings, present = fitted_settings(scenario.resolve(seed)), self.settings
         live = {name: getattr(settings.axes, name) for name in LIVE_AXES}
         if present.model_copy(update={"axes": present.axes.model_copy(update=live)}) != settings:
             raise ScenarioError(scenario.name, [f"only {', '.join(LIVE_AXES)} can change within an episode"])
@@ -163,7 +164,7 @@ class Simulation:
 
     def _begin(self, seed: int) -> None:
         """Build the world of a seed, and record the poses of the first frame."""
-        settings = self.scenario.resolve(seed)
+        settings = fitted_settings(self.scenario.resolve(seed))
         size = (settings.camera.width_px, settings.camera.height_px)
         if self._image_size not in (None, size):
             problem = f"camera: the image size must not change with the seed, got {self._image_size} and then {size}"

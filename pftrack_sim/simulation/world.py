@@ -27,13 +27,11 @@ from pftrack_sim.scenario.people import Item, grips_s
 from pftrack_sim.scene.build import add_agents, build_stage, compile_robot_alone
 from pftrack_sim.scene.lighting import Lighting
 from pftrack_sim.scene.people.anatomy import Anatomy
-from pftrack_sim.scene.robot import RobotForm
+from pftrack_sim.scene.robot import RobotForm, mount
 from pftrack_sim.scene.thing import BEARER
 from pftrack_sim.simulation.feasibility import planned_seats, seat_problems
 from pftrack_sim.simulation.planning import Plan, make_plan, make_script
 from pftrack_sim.simulation.target_path import target_points
-
-_MOUNT = ("robot/mast", "robot/pan", "robot/head")  # Bodies that carry the camera
 
 
 class World:
@@ -78,8 +76,7 @@ class World:
         self.people = self.traffic.names
         rng = random_streams.stream(seed, "lights", "axis")
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
-        mount = [self.model.body(name).id for name in _MOUNT]
-        self._mount_geoms = np.flatnonzero(geoms_drawn(self.model) & np.isin(self.model.geom_bodyid, mount))
+        self._mount_geoms = np.flatnonzero(geoms_drawn(self.model) & np.isin(self.model.geom_bodyid, mount(self.model)))
         self._ticks = 0
         self._collision: str | None = None
         self.robot.reset(self.data)

@@ -16,7 +16,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
 from pftrack_sim.scenario.model import Camera
 from pftrack_sim.scene.layout import HIDDEN_GROUP, body_owners
-from pftrack_sim.scene.robot import BASE, CAMERA, CASTER_SHARE, GRAVITY_M_S2, REST_YAW_RAD, TRACK_M, WHEEL_RADIUS_M
+from pftrack_sim.scene.robot import BASE, CAMERA, CASTER_SHARE, GRAVITY_M_S2, REST_YAW_RAD
 
 ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
 """Limits of the change of forward speed [m/s^2], turn, pan and tilt rate [rad/s^2]."""
@@ -29,30 +29,31 @@ WHEEL_UNLOADING_SHARE = 0.35
 WINDUP_RAD = 0.3  # Limit of the distance between the head and its servo's reference
 _SETTLE_S = 1.5
 _FAR_M = 1000.0
+_STUCK_RAD = 0.01  # A pan joint with less play is none
 _JOINTS = ("robot/axle-left", "robot/axle-right", "robot/pan", "robot/tilt")
 _MOTORS = ("robot/drive-left", "robot/drive-right", "robot/pan", "robot/tilt")
+_PLANAR_MOTORS = ("robot/base-x", "robot/base-y", "robot/base-yaw")
 _GROUND = "ground"
 _IDENTITY, _OPENCV_AXES = np.eye(4), np.array([1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True)
 class OdometryCalibration:
-    """Wheel radii and track (distance between the tyres' contacts) that the odometry assumes; by default the true ones.
+    """Wheel radii and track (distance between the tyres' contacts) that the odometry assumes.
 
     Unequal wheels and an uncertain track are the two systematic errors of differential-drive odometry (Borenstein and
     Feng 1996, "Measurement and correction of systematic odometry errors in mobile robots", IEEE Transactions on
     Robotics and Automation 12(6)). Slip, the unsystematic error, comes from the physics.
     """
 
-    left_radius_m: float = WHEEL_RADIUS_M
-    right_radius_m: float = WHEEL_RADIUS_M
-    track_m: float = TRACK_M
+    left_radius_m: float
+    right_radius_m: float
+    track_m: float
 
-    @classmethod
-    def sampled(cls, error_percent: float, rng: np.random.Generator) -> OdometryCalibration:
-        """A calibration with independent normal errors of the given standard deviation."""
-        left, right, track = 1.0 + 0.01 * error_percent * rng.standard_normal(3)
-        return cls(float(left) * WHEEL_RADIUS_M, float(right) * WHEEL_RADIUS_M, float(track) * TRACK_M)
+    def sampled(self, error_percent: float, rng: np.random.Generator) -> OdometryCalibration:
+        """This one with independent normal errors of the given standard deviation."""
+        left, right, track = (1.0 + 0.01 * error_percent * rng.standard_normal(3)).tolist()
+        return OdometryCalibration(left * self.left_radius_m, right * self.right_radius_m, track * self.track_m)
 
 
 class Odometry(NamedTuple):
@@ -102,7 +103,8 @@ class Drive:
     ) -> None:
         self._model = model
         self._equilibrium = equilibrium or Equilibrium(model)
-        self._calibration = calibration if calibration is not None else OdometryCalibration()
+        self._wheels = self._equilibrium.wheels
+        self._calibration = calibration if calibration is not None else self._wheels
         self._beams = np.stack([np.cos(RANGE_ANGLES_RAD), np.sin(RANGE_ANGLES_RAD), 0.0 * RANGE_ANGLES_RAD], axis=1)
         self._beam_groups = np.zeros(6, dtype=np.uint8)
         self._beam_groups[HIDDEN_GROUP] = 1
@@ -131,9 +133,14 @@ class Drive:
         self._owners: list[str] = [owners[body] for body in model.geom_bodyid.tolist()]
         self._own_geoms = model.body_rootid[model.geom_bodyid] == self._base
         self._ignored_geoms = self._own_geoms | np.array([owner == _GROUND for owner in self._owners])
+        self._planar = _is_planar(model)
+        self._base_motors = [model.actuator(name).id for name in _PLANAR_MOTORS] if self._planar else []
+        low, high = self._head_range[0]
+        self.turns_with_head = self._planar and high - low < _STUCK_RAD
         # The inner wheel lifts when m a h = F track, with F the load of one wheel at rest.
         share = WHEEL_UNLOADING_SHARE * GRAVITY_M_S2 * (0.5 - CASTER_SHARE)
-        self._max_lateral_m_s2 = share * TRACK_M / self._equilibrium.centre_of_mass_m
+        lateral_m_s2 = share * self._wheels.track_m / self._equilibrium.centre_of_mass_m
+        self._max_lateral_m_s2 = math.inf if self._planar else lateral_m_s2
         self._reset_references()
 
     def _reset_references(self) -> None:
@@ -158,12 +165,16 @@ class Drive:
         base = data.qpos[self._free : self._free + 7]
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         base[:2] = x_m + cos * rest[0] - sin * rest[1], y_m + sin * rest[0] + cos * rest[1]
-        turned = np.empty(4)
-        mujoco.mju_mulQuat(turned, np.array([math.cos(heading_rad / 2), 0, 0, math.sin(heading_rad / 2)]), rest[3:7])
-        base[3:7] = turned
+        if self._planar:
+            base[2] = heading_rad
+        else:
+            turn, turned = np.array([math.cos(heading_rad / 2), 0, 0, math.sin(heading_rad / 2)]), np.empty(4)
+            mujoco.mju_mulQuat(turned, turn, rest[3:7])
+            base[3:7] = turned
         data.qvel[self._dofs] = 0.0
         data.qacc_warmstart[self._dofs] = 0.0
         data.ctrl[self._motors] = [0.0, 0.0, *self._head]
+        data.ctrl[self._base_motors] = 0.0
         mujoco.mj_forward(self._model, data)
 
     def scaled(self, command: ArrayLike) -> tuple[float, float, float, float]:
@@ -183,8 +194,10 @@ class Drive:
         """Set the motors for the coming physics steps.
 
         Speeds are clipped to the robot's limits and approached no faster than `ACCELERATION`. Turn and pan rate are
-        counter-clockwise, the tilt rate is upwards.
+        counter-clockwise, the tilt rate is upwards. Where nothing else can pan, the base turns by both rates.
         """
+        if self.turns_with_head:
+            turn_rad_s += pan_rad_s
         places = data.qpos.tolist()
         left, right, *head = [places[joint] for joint in self._joints]
         self._odometry = self._odometry.updated(left, right, self._calibration)
@@ -199,17 +212,23 @@ class Drive:
         if lateral > self._max_lateral_m_s2:
             turn *= self._max_lateral_m_s2 / lateral
             rates[1] = turn
-        half = 0.5 * TRACK_M * turn
+        half = 0.5 * self._wheels.track_m * turn
         for axis, angle in enumerate(head):
             moved = self._head[axis] + rates[2 + axis] * duration_s
             low, high = self._head_range[axis]
             self._head[axis] = min(max(min(max(moved, angle - WINDUP_RAD), angle + WINDUP_RAD), low), high)
-        wheels = (forward - half) / WHEEL_RADIUS_M, (forward + half) / WHEEL_RADIUS_M
+        wheels = (forward - half) / self._wheels.left_radius_m, (forward + half) / self._wheels.right_radius_m
         data.ctrl[self._motors] = [*wheels, *self._head]
+        if self._planar:
+            # In the middle of the time for which it holds.
+            heading = places[self._free + 2] + 0.5 * duration_s * turn
+            data.ctrl[self._base_motors] = forward * math.cos(heading), forward * math.sin(heading), turn
 
     def pose(self, data: mujoco.MjData) -> tuple[float, float, float]:
         """x, y [m] of the middle of the axle and heading [rad] in [-pi, pi], world frame."""
-        x, y, _, qw, qx, qy, qz = data.qpos[self._free : self._free + 7].tolist()
+        x, y, third, qw, qx, qy, qz = data.qpos[self._free : self._free + 7].tolist()
+        if self._planar:
+            return x, y, math.remainder(third, 2.0 * math.pi)
         return x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
 
     def camera_pose(self, data: mujoco.MjData) -> FloatArray:
@@ -281,6 +300,7 @@ class Equilibrium:
 
     Attributes:
         centre_of_mass_m: Height of the robot's centre of mass above the ground.
+        wheels: The true radii of its wheels, and their track.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -294,6 +314,8 @@ class Equilibrium:
         mujoco.mj_kinematics(model, scratch)
         mujoco.mj_comPos(model, scratch)
         self.centre_of_mass_m = float(scratch.subtree_com[model.body(BASE).id, 2])
+        left, right = (scratch.xanchor[model.joint(name).id].tolist() for name in _JOINTS[:2])
+        self.wheels = OdometryCalibration(left[2], right[2], left[1] - right[1])
 
     def at(self, head_rad: FloatArray) -> FloatArray:
         """Joint positions, with the middle of the axle about the origin, for `(2,)` pan and tilt; read-only."""
@@ -324,4 +346,9 @@ def pose_of_camera(data: mujoco.MjData, camera: int) -> FloatArray:
 def _robot_qpos(model: mujoco.MjModel) -> slice:
     """Positions of the robot's joints in `qpos`, its free joint first."""
     owned = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == model.body(BASE).id)
-    return slice(int(model.joint("robot/free").qposadr[0]), int(model.jnt_qposadr[owned[-1]]) + 1)
+    return slice(int(model.jnt_qposadr[owned[0]]), int(model.jnt_qposadr[owned[-1]]) + 1)
+
+
+def _is_planar(model: mujoco.MjModel) -> bool:
+    """Whether the base slides and turns on the ground by joints of its own, which no wheels drive."""
+    return model.jnt_type[model.body(BASE).jntadr[0]] != mujoco.mjtJoint.mjJNT_FREE

@@ -14,8 +14,7 @@ from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
 
-ROBOT_RADIUS_M = 0.25
-ROBOT_CLEARANCE_M = 0.45  # From the middle of the robot to a wall or a piece of furniture
+CLEARANCE_M = 0.2  # From the robot to a wall or a piece of furniture
 _LEAST_SWING_SHARE = 1.0 / 3.0  # Swings with less room than this share of what was asked for are an error
 _START_M = 1.0  # Way driven on the route before the first swing
 _SAMPLE_M = 0.25
@@ -94,11 +93,12 @@ class Lane:
         x, y, heading = self.path.at(s)
         normal = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
         middle = np.stack([x, y], axis=1)
-        offset = wanted * _room(middle, normal, wanted, obstacles, round(_SMOOTHING_M / _CHORD_M))
+        clearance_m = self._robot.half_width_m + CLEARANCE_M
+        offset = wanted * _room(middle, normal, wanted, obstacles, clearance_m)
         if np.abs(offset).max() < _LEAST_SWING_SHARE * np.abs(wanted).max():
             raise ParameterError(
                 f"robot.operator.swing_m: the robot is to swing {np.abs(wanted).max():.2f} m wide of its route, but "
-                f"walls and furniture leave {np.abs(offset).max():.2f} m with {ROBOT_CLEARANCE_M:g} m to each of them"
+                f"walls and furniture leave {np.abs(offset).max():.2f} m with {clearance_m:g} m to each of them"
             )
         # Arcs between the middles of the chords: the largest radius that fits.
         points = middle + offset[:, None] * normal
@@ -168,12 +168,12 @@ def _beside(target: Path, left_m: float) -> tuple[Path, FloatArray, FloatArray]:
 
 
 def _room(
-    middle_m: FloatArray, normal: FloatArray, wanted_m: FloatArray, obstacles: ObstacleMap, smoothing: int
+    middle_m: FloatArray, normal: FloatArray, wanted_m: FloatArray, obstacles: ObstacleMap, clearance_m: float
 ) -> FloatArray:
     """`(N,)` shares in [0, 1] of the wanted offsets along the normals that are clear, smooth along the way."""
-    shares = np.linspace(0.0, 1.0, 16)
+    shares, smoothing = np.linspace(0.0, 1.0, 16), round(_SMOOTHING_M / _CHORD_M)
     points = middle_m[:, None] + (shares * wanted_m[:, None])[..., None] * normal[:, None]
-    clear = (obstacles.clearance_m(points) >= ROBOT_CLEARANCE_M).reshape(len(wanted_m), len(shares))
+    clear = (obstacles.clearance_m(points) >= clearance_m).reshape(len(wanted_m), len(shares))
     # A place that the route itself passes closer is left to the route.
     free = np.logical_and.accumulate(clear, axis=1).sum(axis=1) - 1
     room = np.where(wanted_m == 0.0, 1.0, np.maximum(free, 0) / (len(shares) - 1))

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
-from pftrack_sim.agents.robot.drive import Drive, Equilibrium, OdometryCalibration, pose_of_camera
+from pftrack_sim.agents.robot.drive import Drive, Equilibrium, pose_of_camera
 from pftrack_sim.agents.robot.road import RoadExcitation
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core.random_streams import stream
@@ -82,7 +82,7 @@ class Robot:
         self._vicinity = _Vicinity(model, clock, settings.robot.max_speed_m_s)
         self._stepped_alone = False
         self._clock = clock
-        calibration = OdometryCalibration.sampled(settings.robot.odometry_error_percent, stream(seed, "odometry"))
+        calibration = equilibrium.wheels.sampled(settings.robot.odometry_error_percent, stream(seed, "odometry"))
         self.drive = Drive(model, settings.robot, settings.camera, calibration, equilibrium)
         self._delay = CommandDelay(clock, settings.robot.latency_ms)
         self.script = script
@@ -92,7 +92,7 @@ class Robot:
     def set_road(self, settings: ResolvedScenario, seed: int) -> None:
         """Drive on the road of these settings from now on."""
         jitter, sills = settings.axes.jitter, settings.robot.sills
-        rough = jitter.roughness > 0.0 or sills.height_mm > 0.0
+        rough = (jitter.roughness > 0.0 or sills.height_mm > 0.0) and settings.robot.model is None
         self._road = RoadExcitation(self._model, jitter, sills, seed) if rough else None
 
     def reset(self, data: mujoco.MjData) -> None:
@@ -120,6 +120,7 @@ class Robot:
         if command is None:
             forward, turn = self.script.drive(state.time_s, state.robot_pose, crowd.target_s_m)
             pan, tilt = self.script.gaze(state.T_world_camera, crowd.tracked_m, dt_s, state.time_s)
+            pan *= not (self.drive.turns_with_head and self.script.drives)
             speeds = (forward, turn, pan, tilt)
         else:
             speeds = self.drive.scaled(command)

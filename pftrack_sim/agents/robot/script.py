@@ -10,7 +10,7 @@ import numpy as np
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
 from pftrack_sim.agents.robot.head import GAZE_DEAD_ZONE_RAD, Events, Head
-from pftrack_sim.agents.robot.lane import BRAKE_M_S2, ROBOT_RADIUS_M, Lane, Nearness
+from pftrack_sim.agents.robot.lane import BRAKE_M_S2, Lane, Nearness
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
@@ -101,6 +101,11 @@ class Script:
         self._lane = lane
         self.reset()
 
+    @property
+    def drives(self) -> bool:
+        """Whether the robot has a way to drive."""
+        return self._lane is not None
+
     def reset(self) -> None:
         """Return to the start of the episode."""
         self._s_m = self._lane.start_m if self._lane is not None else 0.0
@@ -119,7 +124,7 @@ class Script:
         way = np.arange(self._lane.start_m, max(end_m, self._lane.start_m) + _CHECK_M, _CHECK_M)
         points = np.stack(self._lane.path.at(way)[:2])
         distances = ObstacleMap(layout).distances(points)[:, : len(layout.footprints)]
-        hits = np.flatnonzero(distances.min(axis=1) < ROBOT_RADIUS_M)
+        hits = np.flatnonzero(distances.min(axis=1) < self._robot.half_width_m)
         if len(hits) == 0:
             return None
         first = int(hits[0])

@@ -27,6 +27,7 @@ from pftrack_sim.core.errors import RunError
 from pftrack_sim.env import TrackAndFollowEnv
 from pftrack_sim.logs import FORMATS
 from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.scene.robot import fitted_settings
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 
@@ -112,7 +113,7 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
         )
         for runner in runners:
             stack.callback(runner.close)
-        settings = episode.scenario.resolve(episode.seed)
+        settings = fitted_settings(episode.scenario.resolve(episode.seed))
         log, course = TruthLog(), FollowLog()
         following: dict[str, Any] = {}
         errors = ErrorLog(runners, job.labels)

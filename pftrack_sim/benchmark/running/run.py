@@ -182,7 +182,9 @@ def run(
         except RunError as error:
             raise RunError(f"{error}\n{counter}; the same command resumes it") from None
         if problems:
-            raise RunError("\n".join([f"{len(problems)} of the episodes could not be run; {counter}", *problems]))
+            raise RunError(
+                "\n".join([f"{len(problems)} of the episodes could not be run; {counter}", *dict.fromkeys(problems)])
+            )
         store.write_summary()
         if videos != "none":
             results = store.results

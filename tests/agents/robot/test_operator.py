@@ -11,11 +11,20 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.robot.drive import ACCELERATION
 from pftrack_sim.agents.robot.head import Events, Head, Wander, bearing, gaze_rate
-from pftrack_sim.agents.robot.lane import ROBOT_CLEARANCE_M, Lane, Nearness
+from pftrack_sim.agents.robot.lane import CLEARANCE_M, Lane, Nearness
 from pftrack_sim.agents.robot.script import Script, Stops
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.scenario.load import load
-from pftrack_sim.scenario.robot import CHARACTERS, BesideRoute, Operator, Robot, Route, StillRoute, TrailRoute
+from pftrack_sim.scenario.robot import (
+    CHARACTERS,
+    OWN_RADIUS_M,
+    BesideRoute,
+    Operator,
+    Robot,
+    Route,
+    StillRoute,
+    TrailRoute,
+)
 from pftrack_sim.scene.layout import Footprint, WalkableArea
 
 STRAIGHT = Path([(0, 0), (60, 0)])
@@ -231,7 +240,7 @@ def test_swings_keep_clear_of_walls_and_furniture(seed: int):
     obstacles = ObstacleMap(open_place(wall, box))
     swung = lane_of(swing_m=1.5, swing_every_m=8.0).swung(WALK_M_S, obstacles, seed)
     points = np.stack(swung.path.at(np.arange(0.0, swung.path.length_m, 0.05))[:2], axis=1)
-    assert obstacles.clearance_m(points).min() > ROBOT_CLEARANCE_M - 0.05
+    assert obstacles.clearance_m(points).min() > OWN_RADIUS_M + CLEARANCE_M - 0.05
     assert np.ptp(points[:, 1]) > 0.6
 
 

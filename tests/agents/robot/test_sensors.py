@@ -13,13 +13,15 @@ from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
 from pftrack_sim.scene.occluders import CartSize, Placement, add_carts, add_static_occluders
 from pftrack_sim.scene.robot import TRACK_M, WHEEL_RADIUS_M
 
+WHEELS = OdometryCalibration(WHEEL_RADIUS_M, WHEEL_RADIUS_M, TRACK_M)
+
 
 def test_zero_error_is_the_true_calibration():
-    assert OdometryCalibration.sampled(0.0, stream(3, "odometry")) == OdometryCalibration()
+    assert WHEELS.sampled(0.0, stream(3, "odometry")) == WHEELS
 
 
 def test_calibration_errors_have_the_requested_deviation_and_are_independent():
-    sampled = [OdometryCalibration.sampled(0.5, stream(seed, "odometry")) for seed in range(300)]
+    sampled = [WHEELS.sampled(0.5, stream(seed, "odometry")) for seed in range(300)]
     numbers = np.array([(each.left_radius_m, each.right_radius_m, each.track_m) for each in sampled])
     relative = numbers / (WHEEL_RADIUS_M, WHEEL_RADIUS_M, TRACK_M) - 1.0
     assert (np.abs(relative.std(axis=0) - 0.005) < 0.001).all()
@@ -27,7 +29,7 @@ def test_calibration_errors_have_the_requested_deviation_and_are_independent():
 
 
 def test_unequal_wheels_turn_a_straight_drive_as_the_kinematics_predict():
-    wrong = OdometryCalibration(right_radius_m=1.01 * WHEEL_RADIUS_M)
+    wrong = OdometryCalibration(WHEEL_RADIUS_M, 1.01 * WHEEL_RADIUS_M, TRACK_M)
     odometry = Odometry()
     for angle in np.linspace(0.0, 60.0, 200):
         odometry = odometry.updated(angle, angle, wrong)

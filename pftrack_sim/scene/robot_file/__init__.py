@@ -1,0 +1,1 @@
+"""Robots of users: MJCF and URDF files, and what in them carries the camera."""

@@ -1,0 +1,190 @@
+"""What in the file of a robot carries its camera: the camera itself, the joints of its head, its wheels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from pftrack_sim.core.errors import ParameterError, did_you_mean
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scenario.robot import Robot
+
+_OBJECT = mujoco.mjtObj
+_ALONG = 0.8  # Cosine from which an axis counts as upright or lateral
+_FIXED_RAD = 1e-6
+_MOST_NAMES = 40
+
+
+@dataclass(frozen=True)
+class Roles:
+    """What a scenario says about a robot's file."""
+
+    model: str
+    digest: str
+    camera_site: str | None
+    drive: str
+    wheels: tuple[str, str] | None
+    pan: str | None
+    tilt: str | None
+
+    @classmethod
+    def of(cls, robot: Robot) -> Roles | None:
+        """Those of a scenario; None for the robot that ships."""
+        if robot.model is None:
+            return None
+        keys = robot.camera_site, robot.drive, robot.wheels, robot.pan, robot.tilt
+        return cls(robot.model, robot.model_digest, *keys)
+
+
+class Hinge(NamedTuple):
+    """A joint that stays, read about an axis: counter-clockwise, or upwards, as pan and tilt of the proprioception.
+
+    Attributes:
+        body: That it moves; -1 where there is none.
+        anchor_m: `(3,)` a point of its axis, in the frame of the base.
+        axis: `(3,)` unit vector.
+        rest_rad: What it reads in the pose of the file.
+        range_rad: Least and greatest of what it reads.
+    """
+
+    body: int
+    anchor_m: FloatArray
+    axis: FloatArray
+    rest_rad: float
+    range_rad: tuple[float, float]
+
+
+def locate_camera(model: Any, data: mujoco.MjData, wanted: str | None) -> tuple[int, FloatArray]:
+    """Body of the camera, and its `(4, 4)` pose in OpenCV axes.
+
+    Cameras of MJCF look along -z with y up, sites and links along x with z up, as REP-103 has them; those whose name
+    holds `optical` look along z with y down.
+
+    Raises:
+        ParameterError: There is none of this name; or, without a name, none at all.
+    """
+    cameras, sites, bodies = (
+        _names(model, kind, range(count))
+        for kind, count in (
+            (_OBJECT.mjOBJ_CAMERA, model.ncam),
+            (_OBJECT.mjOBJ_SITE, model.nsite),
+            (_OBJECT.mjOBJ_BODY, model.nbody),
+        )
+    )
+    known = [*cameras, *sites, *bodies[1:]]
+    if wanted is None:
+        likely = [one for one in known[len(cameras) :] if "camera" in one.lower() or "optical" in one.lower()]
+        wanted = next(iter([*cameras, *sorted(likely, key=lambda one: "optical" not in one.lower())]), None)
+        if wanted is None:
+            raise ParameterError(
+                "robot.camera_site: the robot has no camera, and no site or link called camera or optical: name the "
+                f"site or link that the camera is at (it has: {_listed(known)})"
+            )
+    if wanted in cameras:
+        camera = model.camera(wanted).id
+        body, place, axes = int(model.cam_bodyid[camera]), data.cam_xpos[camera], data.cam_xmat[camera]
+        axes = axes.reshape(3, 3) * (1.0, -1.0, -1.0)
+    elif wanted in known:
+        if wanted in sites:
+            site = model.site(wanted).id
+            body, place, axes = int(model.site_bodyid[site]), data.site_xpos[site], data.site_xmat[site]
+        else:
+            body = int(model.body(wanted).id)
+            place, axes = data.xpos[body], data.xmat[body]
+        axes = axes.reshape(3, 3)
+        if "optical" not in wanted.lower():
+            axes = np.column_stack([-axes[:, 1], -axes[:, 2], axes[:, 0]])
+    else:
+        raise ParameterError(
+            f"robot.camera_site: the robot has no camera, site or link {wanted!r}{did_you_mean(wanted, known)} "
+            f"(it has: {_listed(known)})"
+        )
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = axes, place
+    return body, pose
+
+
+def ancestors(model: Any, body: int) -> list[int]:
+    """A body and those that carry it, up to the root."""
+    chain = [body]
+    while model.body_parentid[chain[-1]] > 0:
+        chain.append(int(model.body_parentid[chain[-1]]))
+    return chain
+
+
+def hinges_of(model: Any) -> list[int]:
+    """All hinges."""
+    return np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()
+
+
+def named_hinge(model: Any, key: str, name: str, known: Sequence[int]) -> int:
+    """The hinge of a name among those known; `key` is named in the message.
+
+    Raises:
+        ParameterError: There is none.
+    """
+    joint = int(mujoco.mj_name2id(model, _OBJECT.mjOBJ_JOINT, name))
+    if joint not in known:
+        names = _names(model, _OBJECT.mjOBJ_JOINT, known)
+        which = "is no joint of the robot that turns" if key == "robot.wheels" else "is no hinge that moves the camera"
+        raise ParameterError(f"{key}: {name!r} {which}{did_you_mean(name, names)} (those: {_listed(names)})")
+    return joint
+
+
+def head_hinge(
+    model: Any, data: mujoco.MjData, key: str, name: str | None, moving: Sequence[int], axis: FloatArray
+) -> int | None:
+    """The hinge that turns the camera about a `(3,)` axis: the one that is named, or the nearest to the camera.
+
+    `moving` are those that carry the camera, the nearest first.
+
+    Raises:
+        ParameterError: The one that is named does not.
+    """
+    if name == "none":
+        return None
+    if name is None:
+        return next((joint for joint in moving if abs(data.xaxis[joint] @ axis) > _ALONG), None)
+    joint = named_hinge(model, key, name, moving)
+    if abs(data.xaxis[joint] @ axis) <= _ALONG:
+        about = "upright" if key == "robot.pan" else "lateral to the camera"
+        raise ParameterError(f"{key}: the axis of {name!r} is not {about}: {data.xaxis[joint].round(3).tolist()}")
+    return joint
+
+
+def read_hinge(
+    model: Any,
+    data: mujoco.MjData,
+    joint: int | None,
+    axis: FloatArray,
+    rest_rad: float,
+    reach_rad: float,
+    origin_m: FloatArray,
+) -> Hinge:
+    """A joint in the frame of a base, read about an axis; `reach_rad` is how far it turns where it has no limits.
+
+    None is one at the base's middle that hardly moves.
+    """
+    if joint is None:
+        return Hinge(-1, np.zeros(3), axis, rest_rad, (rest_rad - _FIXED_RAD, rest_rad + _FIXED_RAD))
+    sign = math.copysign(1.0, data.xaxis[joint] @ axis)
+    low, high = rest_rad - reach_rad, rest_rad + reach_rad
+    if model.jnt_limited[joint]:
+        angles = rest_rad + sign * (model.jnt_range[joint] - data.qpos[model.jnt_qposadr[joint]])
+        low, high = sorted(angles.tolist())
+    ends = min(low, rest_rad - _FIXED_RAD), max(high, rest_rad + _FIXED_RAD)
+    return Hinge(int(model.jnt_bodyid[joint]), data.xanchor[joint] - origin_m, sign * data.xaxis[joint], rest_rad, ends)
+
+
+def _names(model: Any, kind: mujoco.mjtObj, ids: Iterable[int]) -> list[str]:
+    return [name for one in ids if (name := mujoco.mj_id2name(model, kind, one))]
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return ", ".join(names[:_MOST_NAMES]) + more if names else "none"

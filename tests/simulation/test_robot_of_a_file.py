@@ -1,0 +1,261 @@
+"""A robot of a file: what is true of the robot that ships is true of it."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from observing import mujocos_renderer
+from robot_files import EYE, LENS_AT, MJCF, PAN_AT, TILT_AT, URDF, write_mjcf, write_urdf
+
+from pftrack_sim import controllers, policies, scenario
+from pftrack_sim.core import boxes
+from pftrack_sim.core.errors import ScenarioError
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_M, RANGES
+from pftrack_sim.core.records import Estimate
+from pftrack_sim.env.tasks import FollowEnv
+from pftrack_sim.scene.layout import ROBOT_GROUP, body_owners
+from pftrack_sim.simulation.simulation import Simulation
+
+QUIET = {
+    "distractors.count": 0,
+    "duration_s": 12,
+    "camera.width_px": 320,
+    "camera.height_px": 240,
+    "jitter.angular_rms_deg": 0,
+    "jitter.translational_rms_mm": 0,
+}
+WHEELS = {"robot.drive": "differential", "robot.wheels": ["wheel_l", "wheel_r"], "robot.odometry_error_percent": 0}
+WRITERS = {"mjcf": write_mjcf, "urdf": write_urdf}
+
+
+def simulation(file: Path, name: str = "plaza-walk", **keys: object) -> Simulation:
+    overrides = {**QUIET, "robot.model": str(file), **{key.replace("__", "."): value for key, value in keys.items()}}
+    return Simulation(scenario.load(name, overrides), image=False)
+
+
+def turned(axis: int, angle: float) -> np.ndarray:
+    cos, sin = math.cos(angle), math.sin(angle)
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    rotation = np.eye(3)
+    rotation[a, a], rotation[a, b], rotation[b, a], rotation[b, b] = cos, -sin, sin, cos
+    return rotation
+
+
+def reading(world: object, name: str) -> float:
+    return float(world.proprio()[PROPRIO_INDEX[name]])
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_the_camera_is_where_the_joints_of_the_file_put_it(kind: str, tmp_path: Path):
+    with simulation(WRITERS[kind](tmp_path), **{key.replace(".", "__"): value for key, value in WHEELS.items()}) as own:
+        own.reset(0)
+        for command in ([0.5, 0.3, 0.6, -0.4], [0.8, -0.2, -1.0, 0.5], [0.0, 0.5, 0.2, 1.0]):
+            for _ in range(15):
+                frame = own.advance(np.array(command))
+            world = own.world
+            x, y, heading = world.robot_pose()
+            base = turned(2, heading)
+            pan, tilt = (float(world.data.joint(f"robot/{name}").qpos[0]) for name in ("pan", "tilt"))
+            assert reading(world, "pan_rad") == pytest.approx(pan, abs=0.02)
+            # The joints turn about -z and y: they read the other way round, and tilt up is a turn about -y.
+            head = base @ turned(2, pan)
+            face = head @ turned(1, -tilt)
+            lens = base @ PAN_AT + head @ TILT_AT + face @ LENS_AT + (x, y, 0.002)
+            pose = frame.truth.T_world_camera
+            np.testing.assert_allclose(pose[:3, 3], lens, atol=1e-5)
+            np.testing.assert_allclose(pose[:3, :3], face @ [[0, 0, 1], [-1, 0, 0], [0, -1, 0]], atol=1e-5)
+            assert own.settings.camera.height_m == pytest.approx(0.722, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_boxes_are_the_extents_of_the_pixels_that_mujoco_draws(kind: str, tmp_path: Path):
+    with simulation(WRITERS[kind](tmp_path)) as own:
+        own.reset(3)
+        model, compared = own.world.model, 0
+        is_target = np.array([one == "target" for one in body_owners(model)])[model.geom_bodyid]
+        with mujocos_renderer(model, 320, 240) as renderer:
+            for _ in range(12):
+                for _ in range(10):
+                    truth = own.advance().truth
+                ids = renderer.ids(own.world.data, truth.T_world_camera)
+                seen = boxes.from_mask((ids >= 0) & is_target[ids])
+                if truth.visible_fraction == 1.0 and truth.truncation == 0.0:
+                    compared += 1
+                    gaps = truth.box - seen
+                    assert np.abs([*gaps[:2], *(gaps[:2] + gaps[2:])]).max() <= 1.0
+        assert compared >= 6
+
+
+def test_what_of_the_robot_is_before_its_camera_occludes_and_its_housing_does_not(tmp_path: Path):
+    bar = '<geom type="box" size="0.005 0.3 0.02" pos="0.35 0.03 0.02" contype="0" conaffinity="0"/><camera'
+    housing = '<geom type="box" size="0.03 0.03 0.03" pos="0.08 0.03 0.02" contype="0" conaffinity="0"/><camera'
+    seen = {}
+    for name, text in {
+        "bare": MJCF,
+        "bar": MJCF.replace("<camera", bar),
+        "in it": MJCF.replace("<camera", housing),
+    }.items():
+        with simulation(write_mjcf(tmp_path, text)) as own:
+            truth = own.reset(0).truth
+            seen[name] = truth.visible_fraction, truth.occluders
+    assert seen["bare"] == seen["in it"] == (1.0, ())
+    assert 0.5 < seen["bar"][0] < 0.95
+    assert seen["bar"][1] == ("robot",)
+
+
+def test_parts_that_nothing_moves_hold_the_pose_of_the_keyframe(tmp_path: Path):
+    with simulation(write_mjcf(tmp_path)) as own:
+        own.reset(0)
+        model = own.world.model
+        capsule = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_CAPSULE)
+        capsule = [geom for geom in capsule if model.geom_group[geom] == ROBOT_GROUP]
+        axis = own.world.data.geom_xmat[capsule[0]].reshape(3, 3)[:, 2]
+        assert math.acos(axis[2]) == pytest.approx(0.4, abs=1e-6)
+
+
+def test_a_differential_drive_rolls_as_its_wheels_say_and_the_odometry_agrees(tmp_path: Path):
+    with simulation(write_mjcf(tmp_path), **{key.replace(".", "__"): value for key, value in WHEELS.items()}) as own:
+        own.reset(0)
+        start = np.array(own.world.robot_pose())
+        for frame in range(120):
+            own.advance(np.array([0.6, 0.4 if frame > 30 else 0.0, 0.3, 0.0]))
+        end, world = np.array(own.world.robot_pose()), own.world
+        left, right = reading(world, "wheel_left_m_s"), reading(world, "wheel_right_m_s")
+        assert right - left == pytest.approx(0.4 * math.radians(90.0) * 0.5, rel=1e-3)
+        assert 0.5 * (left + right) == pytest.approx(0.96, rel=1e-3)
+        way = turned(2, -start[2])[:2, :2] @ (end - start)[:2]
+        odometry = [reading(world, f"odometry_{axis}_m") for axis in "xy"]
+        np.testing.assert_allclose(odometry, way, atol=0.02)
+        assert np.hypot(*way) > 1.0
+        # Sideways it does not move.
+        speed = world.data.qvel[:2]
+        assert abs(-math.sin(end[2]) * speed[0] + math.cos(end[2]) * speed[1]) < 0.02
+
+
+def headless(text: str) -> str:
+    return (
+        text.replace(" 0 0 0 0 0.4", " 0 0 0.4")
+        .replace('<joint name="neck_pan" axis="0 0 -1" range="-100 100"/>', "")
+        .replace('<joint name="neck_tilt" axis="0 1 0" range="-40 30"/>', "")
+    )
+
+
+@pytest.mark.parametrize("drive", ["omni", "differential"])
+def test_a_robot_without_a_head_turns_its_body_or_its_base(drive: str, tmp_path: Path):
+    with simulation(write_mjcf(tmp_path, headless(MJCF)), robot__drive=drive) as own:
+        gaze = own.reset(0).truth.T_world_camera[:3, 2]
+        course = own.world.robot_pose()[2]
+        for _ in range(30):
+            after = own.advance(np.array([0.0, 0.0, 0.5, 0.5])).truth.T_world_camera[:3, 2]
+        turn = math.atan2(gaze[0] * after[1] - gaze[1] * after[0], gaze[0] * after[0] + gaze[1] * after[1])
+        assert 0.5 < turn < 0.9
+        assert after[2] == pytest.approx(0.0, abs=1e-5)
+        turned_base = math.remainder(own.world.robot_pose()[2] - course, 2.0 * math.pi)
+        assert turned_base == pytest.approx(turn if drive == "differential" else 0.0, abs=1e-3)
+
+
+def test_ranges_and_collisions_are_those_of_the_scene(tmp_path: Path):
+    keys = {"robot__route": {"kind": "still", "start_m": [0, 0], "heading_deg": 90}, "target__path_m": [[4, 0], [9, 0]]}
+    with simulation(write_mjcf(tmp_path), "easy/corridor", **keys) as own:
+        own.reset(0)
+        ranges = own.world.proprio()[RANGES]
+        assert (ranges < RANGE_M).any()
+        touched, places = None, []
+        for _ in range(120):
+            own.advance(np.array([1.0, 0.0, 0.0, 0.0]))
+            touched = touched or own.collision()
+            places.append(own.world.robot_pose()[:2])
+        assert touched is not None
+        assert np.ptp(np.array(places)[-20:], axis=0).max() < 0.05
+
+
+@pytest.mark.parametrize("route", ["trail", "beside", "waypoints", "still"])
+def test_the_script_drives_it_and_the_dry_run_knows_where(route: str, tmp_path: Path):
+    routes: dict[str, dict[str, object]] = {
+        "trail": {"kind": "trail"},
+        "beside": {"kind": "beside", "side": "left"},
+        "waypoints": {"kind": "waypoints", "points_m": [[-3, 0], [4, 0]]},
+        "still": {"kind": "still", "start_m": [-3, 0]},
+    }
+    keys: dict[str, object] = {"robot__route": routes[route], "duration_s": 6}
+    with simulation(write_mjcf(tmp_path), "easy/plaza-walk", **keys) as own:
+        frames = [own.reset(0)]
+        while frames[-1].index < own.frame_count - 1:
+            frames.append(own.advance())
+        assert np.mean([frame.truth.state == "visible" for frame in frames]) > 0.9
+        assert own.collision() is None
+
+
+def test_a_minute_is_followed_by_box_and_command(tmp_path: Path):
+    overrides = {**QUIET, "robot.model": str(write_urdf(tmp_path)), "duration_s": 20, "target.actions": []}
+    env = FollowEnv("follow/plaza", overrides, image=False)
+    observation, info = env.reset(seed=0)
+    controller = controllers.make("servo-avoid")
+    controller.reset(policies.robot_parameters(env.simulation.settings))
+    over, rewards = False, []
+    while not over:
+        truth = info["truth"]
+        estimate = Estimate(truth.box, confidence=float(truth.scored), occluded=not truth.scored)
+        observation, reward, ended, over, info = env.step(controller.act(estimate, observation["proprio"]))
+        rewards.append(reward)
+        assert not ended, info["outcome"]
+    assert np.mean(rewards) > 0.8
+
+
+def edited(old: str, new: str) -> Callable[[str], str]:
+    return lambda text: text.replace(old, new)
+
+
+WRONG: dict[str, tuple[str, Callable[[str], str], dict[str, object], str]] = {
+    "no camera": ("mjcf", edited(EYE, ""), {}, r"camera_site: .*no camera.*neck"),
+    "unknown site": ("mjcf", str, {"robot.camera_site": "eyes"}, r"camera_site: .*'eyes'; did you mean 'eye'"),
+    "unknown joint": ("mjcf", str, {"robot.pan": "neck_pam"}, r"robot.pan: 'neck_pam'.*did you mean 'neck_pan'"),
+    "wrong axis": ("mjcf", str, {"robot.tilt": "neck_pan", "robot.pan": "none"}, r"robot.tilt: .*not lateral"),
+    "unknown wheel": ("mjcf", str, {"robot.wheels": ["wheel_l", "wheel"]}, r"wheels: 'wheel'.*did you mean 'wheel_"),
+    "millimetres": ("mjcf", edited('"0.01 0.01 0.2"', '"10 10 200"'), {}, r"high.*millimetres\?"),
+    "xacro": ("urdf", edited('link name="face"', 'xacro:face a=""'), {}, r"holds xacro: expand it"),
+    "missing mesh": ("urdf", edited("body.dae", "torso.dae"), {}, r"no mesh 'package://cart_desc.*torso"),
+    "no XML": ("mjcf", lambda _: "a: 1", {}, r"neither MJCF nor URDF"),
+    "SDF": ("mjcf", lambda _: "<sdf version='1.6'/>", {}, r"takes MJCF .* or URDF .*, got <sdf>"),
+    "wrong element": ("mjcf", edited("freejoint", "freejiont"), {}, r"cannot be compiled: .*freejiont"),
+    "no tilt": ("mjcf", headless, {"camera.tilt_deg": 10}, r"camera.tilt_deg: no joint"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_wrong_with_a_file_is_one_message(case: str, tmp_path: Path):
+    kind, edit, keys, message = WRONG[case]
+    file = WRITERS[kind](tmp_path, edit(MJCF if kind == "mjcf" else URDF))
+    loaded = scenario.load("plaza-walk", {**QUIET, "robot.model": str(file), **keys})
+    with Simulation(loaded, image=False) as own, pytest.raises(ScenarioError, match=message) as caught:
+        own.reset(0)
+    assert len(caught.value.problems) == 1
+
+
+def test_a_mesh_of_millions_of_triangles_is_refused_before_it_is_compiled(tmp_path: Path):
+    file = write_urdf(tmp_path)
+    (file.parent / "meshes" / "body.stl").write_bytes(bytes(84 + 50 * 1_000_000))
+    with simulation(file) as own, pytest.raises(ScenarioError, match=r"500,000 triangles .*body-1.stl alone 1,000,000"):
+        own.reset(0)
+
+
+def test_keys_about_a_file_need_one_that_is_there(tmp_path: Path):
+    with pytest.raises(ScenarioError, match=r"pan, tilt: .*set robot.model"):
+        scenario.load("plaza-walk", {"robot.pan": "a", "robot.tilt": "b"})
+    with pytest.raises(ScenarioError, match=r"robot.model: no such file: .*cart.xml"):
+        scenario.load("plaza-walk", {"robot.model": str(tmp_path / "cart.xml")})
+
+
+def test_the_path_is_relative_to_the_scenario_that_names_it(tmp_path: Path):
+    write_mjcf(tmp_path)
+    (tmp_path / "cart.toml").write_text('extends = "plaza-walk"\n[robot]\nmodel = "cart.xml"\n')
+    (tmp_path / "below").mkdir()
+    (tmp_path / "below" / "fast.toml").write_text('extends = "../cart.toml"\n[robot]\nmax_speed_m_s = 2.0\n')
+    first, second = (scenario.load(tmp_path / name).resolve(0).robot for name in ("cart.toml", "below/fast.toml"))
+    assert first.model == second.model == str(tmp_path / "cart.xml")
+    before = first.model_digest
+    write_mjcf(tmp_path, MJCF.replace("0.3 0.2 0.1", "0.3 0.2 0.12"))
+    assert scenario.load(tmp_path / "cart.toml").resolve(0).robot.model_digest != before
