@@ -55,26 +55,21 @@ def read_calibration(path: Path) -> Calibration:
     Raises:
         ParameterError: It cannot be read, or has another content.
     """
+    storage = yaml_storage(path)
     try:
-        text = _POSE.sub("", read_bytes(path, _MOST_BYTES).decode())
-        text = text if text.startswith("%YAML") else f"%YAML:1.0\n---\n{text}"
-        flags = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
-        storage = cv2.FileStorage(text, flags)
         kalibr = storage.getNode("cam0")
         if kalibr.isMap():
-            fx, fy, cx, cy = (*_numbers(kalibr.getNode("intrinsics")), *[np.nan] * 4)[:4]
+            fx, fy, cx, cy = (*numbers_of(kalibr.getNode("intrinsics")), *[np.nan] * 4)[:4]
             matrix = np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])
-            distortion, size = (_numbers(kalibr.getNode(key)) for key in ("distortion_coeffs", "resolution"))
+            distortion, size = (numbers_of(kalibr.getNode(key)) for key in ("distortion_coeffs", "resolution"))
             model = kalibr.getNode("distortion_model").string()
         else:
             matrix, distortion = (
-                _numbers(storage.getNode(key)) for key in ("camera_matrix", "distortion_coefficients")
+                numbers_of(storage.getNode(key)) for key in ("camera_matrix", "distortion_coefficients")
             )
             size = np.array([storage.getNode(key).real() for key in ("image_width", "image_height")])
             model = storage.getNode("distortion_model").string()
-    except OSError as error:
-        raise ParameterError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (SystemError, ValueError, cv2.error):  # text that is no UTF-8 is a ValueError
+    except (SystemError, ValueError, cv2.error):
         raise ParameterError(f"{path}: cannot be read as a calibration in YAML") from None
     if len(matrix) != 9 or not np.isfinite(matrix).all() or min(matrix[0], matrix[4]) <= 0.0:
         raise ParameterError(
@@ -89,6 +84,24 @@ def read_calibration(path: Path) -> Calibration:
     return Calibration(matrix.reshape(3, 3), distortion, whole, model)
 
 
-def _numbers(node: cv2.FileNode) -> FloatArray:
+def yaml_storage(path: Path) -> cv2.FileStorage:
+    """A small YAML file, as OpenCV reads it.
+
+    Raises:
+        ParameterError: It cannot be read, or is not YAML.
+    """
+    try:
+        text = _POSE.sub("", read_bytes(path, _MOST_BYTES).decode())
+        text = text if text.startswith("%YAML") else f"%YAML:1.0\n---\n{text}"
+        flags = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
+        return cv2.FileStorage(text, flags)
+    except OSError as error:
+        raise ParameterError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (SystemError, ValueError, cv2.error):  # text that is no UTF-8 is a ValueError
+        raise ParameterError(f"{path}: cannot be read as a calibration or map in YAML") from None
+
+
+def numbers_of(node: cv2.FileNode) -> FloatArray:
+    """Numbers of a list, or of the `data` of a table; none if it is neither."""
     data = node.getNode("data") if node.isMap() else node
     return np.array([data.at(index).real() for index in range(data.size())] if data.isSeq() else [], dtype=np.float64)

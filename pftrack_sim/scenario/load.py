@@ -14,15 +14,15 @@ from pydantic import ValidationError
 
 from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.calibration import read_calibration
-from pftrack_sim.core.code_digest import file_digest
 from pftrack_sim.core.data_files import envs_dir
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.core.inputs import MAX_DEPTH, MAX_TEXT, check_tree, is_file, parse_toml, read_bytes
+from pftrack_sim.core.named_files import named_digest
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import ranges
 from pftrack_sim.scenario.extends import extended
 from pftrack_sim.scenario.frame_delivery import frame_count
-from pftrack_sim.scenario.model import LightChange, ResolvedScenario
+from pftrack_sim.scenario.model import AnyPlace, LightChange, ResolvedScenario
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
 from pftrack_sim.scenario.robot import Route
 from pftrack_sim.scenario.validation import problems
@@ -138,20 +138,25 @@ def _base(name: str, named_in: Path | None) -> tuple[Path, Tree]:
 
 def _with_files(name: str, tree: Tree, folder: Path) -> Tree:
     """The tree with what the files that it names tell in their place; paths are relative to the folder."""
-    return _with_model(name, _with_calibration(name, tree, folder), folder)
+    for table in ("place", "robot"):
+        tree = _with_model(name, tree, table, folder)
+    return _with_calibration(name, tree, folder)
 
 
-def _with_model(name: str, tree: Tree, folder: Path) -> Tree:
-    """The tree with the whole path of `robot.model`, and a digest of the file."""
-    robot = tree.get("robot")
-    file = cast("Tree", robot).get("model") if isinstance(robot, Mapping) else None
+def _with_model(name: str, tree: Tree, table: str, folder: Path) -> Tree:
+    """The tree with the whole path of the `model` of a table, and a digest of the file and those that it names."""
+    own = tree.get(table)
+    file = cast("Tree", own).get("model") if isinstance(own, Mapping) else None
     if not isinstance(file, str) or file.startswith("menagerie:"):
         return tree
     path = (folder / file).resolve()
     if not is_file(path):
-        raise ScenarioError(name, [f"robot.model: no such file: {one_line(str(path))}"])
-    own = {"model": str(path), "model_digest": file_digest(path)}
-    return {**tree, "robot": {**cast("Tree", robot), **own}}
+        raise ScenarioError(name, [f"{table}.model: no such file: {one_line(str(path))}"])
+    try:
+        found = {"model": str(path), "model_digest": named_digest(path)}
+    except ParameterError as error:
+        raise ScenarioError(name, [f"{table}.model: {error}"]) from None
+    return {**tree, table: {**cast("Tree", own), **found}}
 
 
 def _with_calibration(name: str, tree: Tree, folder: Path) -> Tree:
@@ -247,8 +252,10 @@ def _set(tree: Tree, key: str, value: object) -> tuple[Tree, str | None]:
 
 
 def _foreign_keys(table: Tree) -> list[str]:
-    """Keys that a route or a light change of this kind does not have: those of the kind that it had before."""
-    for variant in (*typing.get_args(typing.get_args(Route)[0]), *typing.get_args(typing.get_args(LightChange)[0])):
+    """Keys that a route, light change or place of this kind does not have: those of the kind that it had before."""
+    for variant in (
+        one for union in (Route, LightChange, AnyPlace) for one in typing.get_args(typing.get_args(union)[0])
+    ):
         fields = variant.model_fields
         if table["kind"] in typing.get_args(fields["kind"].annotation):
             return [key for key in table if key not in fields]

@@ -28,12 +28,50 @@ from pftrack_sim.scenario.section import (
 
 
 class Place(Section):
-    """The place and its loose furniture."""
+    """A place that ships, and its loose furniture."""
 
     kind: Literal["plaza", "corridor", "warehouse", "street", "street-day", "hall", "park"] = setting(
         ..., "Kind of place; 'street': at night."
     )
     clutter: Share = setting(1.0, "Share of the place's loose furniture that is present.")
+
+
+class _ModelPlace(Section):
+    model: str = setting(..., "File, relative to the scenario's.")
+    model_digest: str = setting("", "Digest of that file and of those that it names, as they were read.")
+
+
+class MapPlace(_ModelPlace):
+    """A map of a building, of ROS's map_server: what is occupied becomes walls."""
+
+    kind: Literal["map"]
+    wall_m: float = number(2.8, 0.3, 20, "Height of the walls, and of the ceiling on them.")
+
+
+class MjcfPlace(_ModelPlace):
+    """A scene of MuJoCo: its geoms and lights; what has joints stands still."""
+
+    kind: Literal["mjcf"]
+    groups: tuple[Annotated[int, Field(ge=0, le=5)], ...] = setting(
+        (0, 1, 2), "Groups of geoms that are drawn.", max_length=6
+    )
+    floor_m: float | None = setting(
+        None, "Height of the floor; by default that of the lowest large one.", ge=-500, le=500
+    )
+
+
+class MeshPlace(_ModelPlace):
+    """A room of triangle meshes: glTF, GLB, OBJ, PLY or STL."""
+
+    kind: Literal["mesh"]
+    scale: float = setting(1.0, "Metres in a unit of the file: 0.001 for millimetres.", gt=0, le=1000)
+    up: Literal["auto", "y", "z"] = setting("auto", "Axis that points up; 'auto': y in glTF, GLB and OBJ, else z.")
+    floor_m: float | None = setting(
+        None, "Height of the floor; by default that of the lowest large one.", ge=-500, le=500
+    )
+
+
+AnyPlace: TypeAlias = Annotated[Place | MapPlace | MjcfPlace | MeshPlace, Field(discriminator="kind")]
 
 
 class CalibratedLens(Section):
@@ -211,7 +249,7 @@ class ResolvedScenario(Section):
         "easy", "'easy': calm; 'real': as hard as recorded video (docs/profile.md); 'hard': harder."
     )
     duration_s: Seconds = setting(12.0, "Length of an episode.")
-    place: Place
+    place: AnyPlace
     robot: Robot
     camera: Camera = Camera()
     sensor: Sensor = Sensor()

@@ -303,7 +303,12 @@ class Target(Section):
     path_length_m: float | None = setting(
         None, "Length of an 'auto' path; by default what is walked in the episode.", ge=1, le=500
     )
-    path_turns: int = number(2, 0, 20, "Turns of an 'auto' path, each of 25 to 100 degrees.")
+    path_turns: int | None = number(
+        None,
+        0,
+        20,
+        "Turns of an 'auto' path, each of 25 to 100 degrees; by default 2, or more where there is little room.",
+    )
     speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")
     height_m: float = number(1.74, 1.4, 2.1, "Body height.")
     thing: Thing | None = setting(None, "What is tracked in the place of the person.")

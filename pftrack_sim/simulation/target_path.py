@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 
@@ -20,9 +21,10 @@ from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.simulation.feasibility import planned_seats, seat_problems
 from pftrack_sim.simulation.planning import make_plan, make_script
 
-CLEARANCE_M = 0.55
-"""Distance of a drawn path from everything: a person's half width, and the robot's, and some room."""
+CLEARANCE_M = 0.5
+"""Distance of a drawn path from everything: half the width of a person or the robot, and some room."""
 
+_TURNS = (2, 3, 4, 6, 8)  # Tried in turn where none are asked for
 _STARTS, _HEADINGS = 3000, 24  # Paths begun, and directions tried for each of their legs
 _PATHS = 60  # Paths that are planned with robot and occluders before it is given up
 _TURN_RAD = math.radians(25.0), math.radians(100.0)
@@ -34,87 +36,89 @@ def target_points(settings: ResolvedScenario, seed: int) -> tuple[Point, ...]:
     Raises:
         ScenarioError: There is no room for such a path, or none on which robot and occluders can be as asked.
     """
-    target, name = settings.target, f"{settings.title!r} at seed {seed}"
+    target = settings.target
     if target.path == "points":
         return target.path_m
-    layout = walkable_area(settings, seed)
+    layout, rng = walkable_area(settings, seed), random_streams.stream(seed, "target_path")
     behind_m = settings.robot.route.distance_m if isinstance(settings.robot.route, TrailRoute) else 0.0
     length_m = target.path_length_m or max(1.0, target.speed_m_s * settings.duration_s)
-    failed: ScenarioError | None = None
-    rng = random_streams.stream(seed, "target_path")
-    drawn = drawn_paths(layout, rng, length_m, target.path_turns, behind_m)
-    for _ in range(_PATHS):
-        try:
-            points = next(drawn, None)
-        except ScenarioError as error:
-            raise ScenarioError(name, error.problems) from None
-        if points is None:
-            break
-        path_m = tuple((round(x, 3), round(y, 3)) for x, y in points.tolist())
-        path = Path(path_m)
-        seats = planned_seats(settings, path)
-        try:
-            if problems := seat_problems(seats, layout):
-                raise ScenarioError(name, problems)
-            make_plan(settings, seed, layout, path, seats, make_script(settings, seed, layout, path))
-        except ScenarioError as error:
-            failed = failed or error
-        else:
-            return path_m
-    assert failed is not None
-    raise ScenarioError(name, [f"target.path: none of the paths drawn can be; on the first: {failed.problems[0]}"])
+    problem = ""
+    for turns in _TURNS if target.path_turns is None else (target.path_turns,):
+        drawing = _Drawing(layout, rng, length_m, turns, behind_m)
+        for points in islice(drawing.paths(), _PATHS):
+            path_m = tuple((round(x, 3), round(y, 3)) for x, y in points.tolist())
+            found = _problem(settings, seed, layout, path_m)
+            if found is None:
+                return path_m
+            problem = problem or f"none of the paths drawn can be; on the first: {found}"
+        problem = problem or drawing.problem()
+    raise ScenarioError(f"{settings.title!r} at seed {seed}", [f"target.path: {problem}"])
 
 
-def drawn_paths(
-    layout: WalkableArea, rng: np.random.Generator, length_m: float, turns: int, behind_m: float
-) -> Iterator[FloatArray]:
-    """`(turns + 2, 2)` points of paths that keep `CLEARANCE_M` from everything, as does a straight `behind_m` before.
+def _problem(settings: ResolvedScenario, seed: int, layout: WalkableArea, path_m: tuple[Point, ...]) -> str | None:
+    """Why an episode cannot be as asked on this path."""
+    path = Path(path_m)
+    seats = planned_seats(settings, path)
+    try:
+        if problems := seat_problems(seats, layout):
+            return problems[0]
+        make_plan(settings, seed, layout, path, seats, make_script(settings, seed, layout, path))
+    except ScenarioError as error:
+        return error.problems[0]
+    return None
 
-    Raises:
-        ScenarioError: None was found.
-    """
-    obstacles, (x_min, y_min, x_max, y_max) = ObstacleMap(layout), layout.bounds_m
-    starts = rng.uniform((x_min, y_min), (x_max, y_max), (_STARTS, 2))
-    starts = starts[obstacles.clearance_m(starts) >= CLEARANCE_M]
-    longest, found = np.zeros((2, 2)), False
-    for start in starts:
-        legs = rng.uniform(0.7, 1.3, turns + 1)
-        legs *= length_m / legs.sum()
-        legs[0] += behind_m
-        points, heading = [start], None
+
+class _Drawing:
+    """Paths of straight legs that keep `CLEARANCE_M` from everything, as does a straight `behind_m` before them."""
+
+    def __init__(
+        self, layout: WalkableArea, rng: np.random.Generator, length_m: float, turns: int, behind_m: float
+    ) -> None:
+        self._obstacles, self._bounds_m, self._rng = ObstacleMap(layout), layout.bounds_m, rng
+        self._length_m, self._turns, self._behind_m = length_m, turns, behind_m
+        self._longest = np.zeros((2, 2))
+
+    def paths(self) -> Iterator[FloatArray]:
+        """`(turns + 2, 2)` points of one after the other."""
+        starts = self._rng.uniform(self._bounds_m[:2], self._bounds_m[2:], (_STARTS, 2))
+        for start in starts[self._obstacles.clearance_m(starts) >= CLEARANCE_M]:
+            path = self._legs(start)
+            self._longest = max(self._longest, path, key=_length_m)
+            if len(path) < self._turns + 2:
+                continue
+            path[0] += self._behind_m * (path[1] - path[0]) / np.hypot(*(path[1] - path[0]))
+            rounded = Path(path)
+            walked = np.stack(rounded.at(np.arange(0.0, rounded.length_m, 0.1))[:2], axis=1)
+            if self._obstacles.clearance_m(walked).min() >= CLEARANCE_M:
+                yield path
+
+    def _legs(self, start: FloatArray) -> FloatArray:
+        """Points of as many legs as there is room for; the first is longer by what the robot needs."""
+        rng, points, heading = self._rng, [start], None
+        legs = rng.uniform(0.7, 1.3, self._turns + 1)
+        legs *= self._length_m / legs.sum()
+        legs[0] += self._behind_m
         for leg in legs:
-            if heading is None:
-                headings = rng.uniform(-math.pi, math.pi, _HEADINGS)
-            else:
-                headings = heading + rng.choice((-1.0, 1.0), _HEADINGS) * rng.uniform(*_TURN_RAD, _HEADINGS)
+            headings = rng.uniform(-math.pi, math.pi, _HEADINGS)
+            if heading is not None:
+                headings = heading + np.sign(headings) * rng.uniform(*_TURN_RAD, _HEADINGS)
             ends = points[-1] + leg * np.column_stack([np.cos(headings), np.sin(headings)])
-            free = np.flatnonzero(~obstacles.blocked(points[-1], ends, CLEARANCE_M))
+            free = np.flatnonzero(~self._obstacles.blocked(points[-1], ends, CLEARANCE_M))
             if not len(free):
                 break
             heading = headings[free[0]]
             points.append(ends[free[0]])
-        path = np.array(points)
-        if _length_m(path) > _length_m(longest):
-            longest = path
-        if len(path) < turns + 2:
-            continue
-        path[0] += behind_m * (path[1] - path[0]) / np.hypot(*(path[1] - path[0]))
-        rounded = Path(path)
-        walked = np.stack(rounded.at(np.arange(0.0, rounded.length_m, 0.1))[:2], axis=1)
-        if obstacles.clearance_m(walked).min() >= CLEARANCE_M:
-            found = True
-            yield path
-    if not found:
-        area = f"x {x_min:.1f} to {x_max:.1f}, y {y_min:.1f} to {y_max:.1f}"
-        (x, y), (to_x, to_y) = longest[0], longest[-1]
-        room = f", {behind_m:.1f} m of it for the robot behind," if behind_m else ""
-        raise ScenarioError(
-            "",
-            [
-                f"target.path: no path of {length_m + behind_m:.1f} m{room} with {turns} turns keeps {CLEARANCE_M} m "
-                f"from everything in the walkable area ({area}); the longest drawn has {_length_m(longest):.1f} m, "
-                f"from {x:.1f}, {y:.1f} to {to_x:.1f}, {to_y:.1f}"
-            ],
+        return np.array(points)
+
+    def problem(self) -> str:
+        """Why none was found."""
+        x_min, y_min, x_max, y_max = self._bounds_m
+        (x, y), (to_x, to_y) = self._longest[0], self._longest[-1]
+        robot = f", {self._behind_m:.1f} m of it for the robot behind," if self._behind_m else ""
+        return (
+            f"no path of {self._length_m + self._behind_m:.1f} m{robot} with {self._turns} turns keeps {CLEARANCE_M} m "
+            f"from everything in the walkable area (x {x_min:.1f} to {x_max:.1f}, y {y_min:.1f} to {y_max:.1f}); the "
+            f"longest drawn has {_length_m(self._longest):.1f} m, from {x:.1f}, {y:.1f} to {to_x:.1f}, {to_y:.1f}"
         )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from observing import finer_ids, mujocos_renderer, observed
 from render_stage import FOVY, HEIGHT, NEAR, WIDTH, K, Stage, build, looking, new_spec, random_view
+from room_files import WRITERS, scenario_of
 
 from pftrack_sim import scenario
 from pftrack_sim.core import boxes
@@ -144,13 +146,24 @@ INSTANT = {f"axes.{name}.severity": 0.0 for name in ("blur", "rolling_shutter", 
 @pytest.mark.parametrize("name", PARTLY_HIDDEN)
 def test_the_truth_of_a_partly_hidden_target_is_that_of_an_independent_segmentation(name: str):
     size = {"camera.width_px": WIDTH, "camera.height_px": HEIGHT, "lights.shadows": False}
-    with Simulation(scenario.load(name, size | INSTANT), image=False) as simulation:
+    assert_truth_is_that_of_an_independent_segmentation(scenario.load(name, size | INSTANT), PARTLY_HIDDEN[name])
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_so_it_is_in_a_room_from_a_file(tmp_path: Path, kind: str):
+    loaded = scenario.load(scenario_of(kind, WRITERS[kind](tmp_path)))
+    assert_truth_is_that_of_an_independent_segmentation(loaded, 2.2 if kind == "map" else 2.4)
+
+
+def assert_truth_is_that_of_an_independent_segmentation(loaded: scenario.Scenario, from_s: float) -> None:
+    with Simulation(loaded, image=False) as simulation:
         simulation.reset(1)
-        for _ in range(round(PARTLY_HIDDEN[name] * simulation.settings.camera.rate_hz)):
+        for _ in range(round(from_s * simulation.settings.camera.rate_hz)):
             simulation.world.advance()
         world, compared = simulation.world, 0
         own = np.array([one == "target" for one in body_owners(world.model)])[world.model.geom_bodyid]
-        with mujocos_renderer(world.model) as renderer:
+        camera = simulation.settings.camera
+        with mujocos_renderer(world.model, camera.width_px, camera.height_px) as renderer:
             detail = Detail(world.model)
             for _ in range(6):
                 truth = simulation.advance().truth

@@ -176,8 +176,11 @@ class PlaceBuilder:
         """A colour less the share that patches take from it."""
         return (1.0 - patches_take * self.lights.patches) * np.asarray(rgb, dtype=np.float64)
 
-    def finish(self, goals: Sequence[tuple[float, float]]) -> WalkableArea:
-        """Add colliders along the edges of the walkable area, set the model's statistics and return the area."""
+    def finish(self, goals: Sequence[tuple[float, float]], *, contact: bool = True) -> WalkableArea:
+        """Add colliders along the edges of the walkable area, set the model's statistics and return the area.
+
+        Without `contact` the ground is not darker around the footprints.
+        """
         left, low, right, high = self.bounds
         x, y = 0.5 * (left + right), 0.5 * (low + high)
         half_x, half_y = 0.5 * (right - left) + 0.4, 0.5 * (high - low) + 0.4
@@ -188,7 +191,7 @@ class PlaceBuilder:
             ("edge-west", (left - 0.2, y), (0.2, half_y, 3.0)),
         ):
             _add_collider(self.spec.worldbody.add_body(name=name, pos=[*centre, 1.5]), name, collider, 0.0)
-        if self._footprints:
+        if self._footprints and contact:
             self.spec.add_mesh_file(CONTACT_OF_THINGS, ground_contact(self._footprints, self._ground_m).file)
         self.spec.stat.extent = 1.0
         self.spec.stat.center = [x, y, 1.0]

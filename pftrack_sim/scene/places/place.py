@@ -35,13 +35,15 @@ import numpy as np
 
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.random_streams import pick
-from pftrack_sim.scenario.model import Lights, Place
+from pftrack_sim.scenario.model import AnyPlace, Lights, Place
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import Collider, Item, PlaceBuilder, add_ground_plane, bounding_box
 from pftrack_sim.scene.places.catalogue import described_meshes, load_prop
 from pftrack_sim.scene.places.materials import add_skybox
 from pftrack_sim.scene.places.meshes import Prop, merged_by_material
 from pftrack_sim.scene.places.props import BUILT, RANDOM
+from pftrack_sim.scene.places.room import add_room
+from pftrack_sim.scene.places.room_files import load_room
 from pftrack_sim.scene.places.seats import Seat, add_seats
 from pftrack_sim.scene.scene_spec import SceneSpec
 
@@ -51,7 +53,7 @@ _PLACING = ("name", "names", "at", "z", "collider", "shadow", "seed", "any", "be
 
 def add_place(
     spec: SceneSpec,
-    place: Place,
+    place: AnyPlace,
     lights: Lights,
     rng: np.random.Generator,
     patch_rng: np.random.Generator | None = None,
@@ -61,14 +63,21 @@ def add_place(
 
     Walls, pillars and everything else that is fixed has the same pose for every seed; loose furniture, posters and the
     goods on shelves are drawn from `rng`, the patches of light from `patch_rng` (by default the same for every seed).
-    `seats` are those that people of the scenario sit on.
+    `seats` are those that people of the scenario sit on. A place from a file is the same for every seed.
+
+    Raises:
+        ScenarioError: The file cannot be read, or is no room for people and robot.
     """
-    description = _description(place.kind)
-    left, low, right, high = description["bounds"]
+    left, low, right, high = (
+        _description(place.kind)["bounds"] if isinstance(place, Place) else load_room(place).area.bounds_m
+    )
     bounds = (left, low, right, high)
     builder = PlaceBuilder(spec, rng, bounds, lights, patch_rng or np.random.default_rng(0))
     add_ground_plane(spec)
     add_seats(builder, seats)
+    if not isinstance(place, Place):
+        return add_room(builder, load_room(place))
+    description = _description(place.kind)
     if "sky" in description:
         add_skybox(spec, description["sky"])
     for item in (*_fixed_items(place.kind), *_items(description, "drawn", rng)):
