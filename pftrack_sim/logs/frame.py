@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import cv2
 
@@ -16,6 +17,19 @@ from pftrack_sim.core.types import FloatArray
 JPEG_QUALITY = 95
 
 
+class Kinematics(Protocol):
+    """What is known of a robot's shape, as of its URDF."""
+
+    @property
+    def track_m(self) -> float:
+        """Distance between the contact points of its wheels."""
+        ...
+
+    def camera_mount(self, pan_rad: float, tilt_rad: float) -> FloatArray:
+        """`(4, 4)` T_base_camera by the angles of the head."""
+        ...
+
+
 @dataclass(frozen=True)
 class LogInfo:
     """An episode.
@@ -23,12 +37,14 @@ class LogInfo:
     Attributes:
         name: For people: `"plaza-walk seed 3"`.
         speed_limits: `(4,)` what a command of 1 means: forward speed [m/s], turn, pan and tilt rate [rad/s].
+        odometry_error: Standard deviation of wheel radii and track in the odometry, as a share of each.
     """
 
     name: str
     rate_hz: float
     trackers: tuple[str, ...]
     speed_limits: tuple[float, float, float, float]
+    odometry_error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +55,7 @@ class LogFrame:
         frame: The simulated frame with its truth.
         robot_pose: x, y [m], heading [rad] in the world.
         proprio: `(n,)` proprioception, see `core.proprioception`.
+        robot: Its shape.
         estimates: By the tracker's label; None where it gave none.
         ms: Time that each tracker took; 0 where it was not called.
         command: `(4,)` shares of the speed limits in [-1, 1], in force from this frame on; None in open loop.
@@ -47,6 +64,7 @@ class LogFrame:
     frame: Frame
     robot_pose: tuple[float, float, float]
     proprio: FloatArray
+    robot: Kinematics
     estimates: Mapping[str, Estimate | None] = field(default_factory=dict[str, Estimate | None])
     ms: Mapping[str, float] = field(default_factory=dict[str, float])
     command: FloatArray | None = None

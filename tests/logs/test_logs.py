@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pftrack_sim.benchmark import run
 from pftrack_sim.benchmark.asked.from_names import make_plan
@@ -17,12 +18,25 @@ from pftrack_sim.core.records import Estimate, Frame, Truth
 from pftrack_sim.core.ros2_messages import type_store
 from pftrack_sim.formats import read_sequence
 from pftrack_sim.logs import LogFrame, LogInfo, check_formats, log_format, log_writer
+from pftrack_sim.logs.ros2 import OdometryCovariance
 from tests.benchmark.small import SMALL
 
 RATE_HZ, COUNT = 10.0, 6
-INFO = LogInfo("walk seed 3", RATE_HZ, ("stay", "ko2012[alpha=0.3]"), (1.5, 2.0, 3.0, 1.0))
+INFO = LogInfo("walk seed 3", RATE_HZ, ("stay", "ko2012[alpha=0.3]"), (1.5, 2.0, 3.0, 1.0), 0.01)
 K = np.array([[50.0, 0.0, 24.0], [0.0, 50.0, 16.0], [0.0, 0.0, 1.0]])
 T_CAMERA = np.array([[0.0, 0.0, 1.0, 2.0], [-1.0, 0.0, 0.0, 3.0], [0.0, -1.0, 0.0, 1.2], [0.0, 0.0, 0.0, 1.0]])
+
+
+class Robot:
+    """Its camera pans and tilts about a point 1.2 m above the middle of the axle."""
+
+    track_m = 0.4
+
+    def camera_mount(self, pan_rad: float, tilt_rad: float) -> np.ndarray:
+        mount = np.eye(4)
+        ahead = Rotation.from_euler("zy", [pan_rad, -tilt_rad]).as_matrix()
+        mount[:3, :3], mount[2, 3] = ahead @ [[0, 0, 1], [-1, 0, 0], [0, -1, 0]], 1.2
+        return mount
 
 
 def truth(name: str, index: int, box: Any, state: Any = "visible") -> Truth:
@@ -49,7 +63,8 @@ def frames() -> list[LogFrame]:
         estimates = {"stay": Estimate([10.25, 4.5, 8.0, 20.0], 0.5), "ko2012[alpha=0.3]": None}
         ms = {"stay": 1.5 + index, "ko2012[alpha=0.3]": 0.0}
         frame = Frame(index, index / RATE_HZ, image, target, people)
-        made.append(LogFrame(frame, (index, 2.0, math.pi / 2), proprio, estimates, ms, np.array([0.5, -0.25, 0, 0])))
+        pose, command = (index, 2.0, math.pi / 2), np.array([0.5, -0.25, 0.5, -1.0])
+        made.append(LogFrame(frame, pose, proprio, Robot(), estimates, ms, command))
     return made
 
 
@@ -88,12 +103,17 @@ def test_every_topic_has_its_type_and_a_message_per_frame(bag: Path):
         "/truth": "vision_msgs/msg/Detection2DArray",
         "/trackers/stay": "vision_msgs/msg/Detection2DArray",
         "/trackers/ko2012_alpha_0_3": "vision_msgs/msg/Detection2DArray",
+        "/clock": "rosgraph_msgs/msg/Clock",
         "/odom": "nav_msgs/msg/Odometry",
         "/imu": "sensor_msgs/msg/Imu",
         "/scan": "sensor_msgs/msg/LaserScan",
         "/tf": "tf2_msgs/msg/TFMessage",
+        "/tf_static": "tf2_msgs/msg/TFMessage",
+        "/joint_states": "sensor_msgs/msg/JointState",
         "/cmd_vel": "geometry_msgs/msg/Twist",
+        "/head_velocity_controller/commands": "std_msgs/msg/Float64MultiArray",
     }
+    assert len(found.pop("/tf_static")) == 1
     for kinds in found.values():
         assert [time_ns for _, time_ns, _ in kinds] == [index * 10**8 for index in range(COUNT)]
 
@@ -123,12 +143,76 @@ def test_messages_hold_the_values_in_ros_conventions(bag: Path, frames: list[Log
     assert [position.x, position.y] == proprio[:2].tolist()
     heading = 2.0 * math.atan2(odometry.pose.pose.orientation.z, odometry.pose.pose.orientation.w)
     assert abs(heading - proprio[2]) < 1e-12
-    transforms = {one.child_frame_id: one for one in found["/tf"][4].transforms}
-    assert transforms["base_footprint"].transform.translation.x == 4.0
-    assert transforms["odom"].transform.translation.x == 0.0
-    rotation = transforms["camera_optical_frame"].transform.rotation
-    assert abs(np.abs([rotation.x, rotation.y, rotation.z, rotation.w]) - 0.5).max() < 1e-12
-    assert transforms["target"].transform.translation.x == 9.0
+    assert found["/clock"][3].clock.nanosec == 300_000_000
+    joints = found["/joint_states"][3]
+    assert dict(zip(joints.name, joints.position, strict=True)) == {
+        name: proprio[PROPRIO_INDEX[f"{name}_rad"]] for name in ("pan", "tilt")
+    }
+    assert list(found["/head_velocity_controller/commands"][0].data) == [1.5, -1.0]
+    assert found["/imu"][3].angular_velocity_covariance[0] == 1e-6, "0 would mean unknown"
+
+
+def pose_in(transforms: dict[str, Any], frame: str, root: str) -> np.ndarray:
+    """`(4, 4)` pose of a frame in one above it."""
+    pose = np.eye(4)
+    while frame != root:
+        one = transforms[frame]
+        step, (t, q) = np.eye(4), (one.transform.translation, one.transform.rotation)
+        step[:3, :3], step[:3, 3] = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix(), (t.x, t.y, t.z)
+        pose, frame = step @ pose, one.header.frame_id
+    return pose
+
+
+def test_frames_are_those_of_rep_105_and_the_truth_has_a_tree_of_its_own(bag: Path, frames: list[LogFrame]):
+    found = {topic: [one for _, _, one in kinds] for topic, kinds in messages(bag).items()}
+    fixed = {one.child_frame_id: one for one in found["/tf_static"][0].transforms}
+    named = {one.header.frame_id for topic in ("/imu", "/scan", "/odom", "/camera/camera_info") for one in found[topic]}
+    for log, message in zip(frames, found["/tf"], strict=True):
+        children = [one.child_frame_id for one in (*message.transforms, *fixed.values())]
+        assert len(children) == len(set(children)), "every frame has one parent"
+        tree = fixed | {one.child_frame_id: one for one in message.transforms}
+        above = {child: one.header.frame_id for child, one in tree.items()}
+        assert (above["odom"], above["base_footprint"], above["base_link"]) == ("map", "odom", "base_footprint")
+        assert set(above.values()) - set(above) == {"map", "world"}, "two trees, each with one root"
+        assert all(parent == "world" for child, parent in above.items() if child.startswith("truth/"))
+        assert {*named, "base_footprint"} <= {*above, "map"}
+        base = pose_in(tree, "base_footprint", "map")
+        np.testing.assert_allclose(base, pose_in(tree, "truth/base_footprint", "world"), atol=1e-9)
+        np.testing.assert_allclose(base[:2, 3], log.robot_pose[:2], atol=1e-9)
+        odometry = pose_in(tree, "base_footprint", "odom")
+        np.testing.assert_allclose(odometry[:2, 3], log.proprio[:2], atol=1e-12)
+        camera = pose_in(tree, "camera_optical_frame", "base_link")
+        head = [log.proprio[PROPRIO_INDEX[name]] for name in ("pan_rad", "tilt_rad")]
+        np.testing.assert_allclose(camera, Robot().camera_mount(*head), atol=1e-9)
+        link = pose_in(tree, "camera_link", "base_link")
+        np.testing.assert_allclose(link[:3, 0], camera[:3, 2], atol=1e-9, err_msg="x of a link is ahead (REP 103)")
+        truth_of_camera = pose_in(tree, "truth/camera_optical_frame", "world")
+        np.testing.assert_allclose(truth_of_camera, T_CAMERA, atol=1e-9)
+        assert pose_in(tree, "truth/target", "world")[0, 3] == 5.0 + log.frame.index
+
+
+def test_the_covariance_of_the_odometry_is_that_of_robots_with_wrong_wheels():
+    rng = np.random.default_rng(4)
+    wheels = np.stack([0.02 + 0.006 * np.sin(np.arange(400) / 40), 0.02 + 0.006 * np.cos(np.arange(400) / 55)], axis=1)
+    error, track_m, count = 0.005, 0.4, 4000
+    left, right, track = 1.0 + error * rng.standard_normal((3, count))
+    poses, pose = np.zeros((3, count)), np.zeros(3)
+    covariance = OdometryCovariance(track_m, error)
+    predicted = covariance.at(0.0, 0.0, 0.0)
+    for a, b in wheels:
+        for p, (one, two, wide) in ((poses, (left, right, track)), (pose, (1.0, 1.0, 1.0))):
+            way, turn = 0.5 * (a * one + b * two), (b * two - a * one) / (track_m * wide)
+            p[0] += way * np.cos(p[2] + 0.5 * turn)
+            p[1] += way * np.sin(p[2] + 0.5 * turn)
+            p[2] += turn
+        predicted = covariance.at(pose[0], pose[1], math.remainder(pose[2], math.tau))
+    assert np.hypot(*pose[:2]) > 3.0
+    sampled = np.cov(poses)
+    np.testing.assert_allclose(np.sqrt(np.diag(predicted)), np.sqrt(np.diag(sampled)), rtol=0.06)
+    correlation = sampled / np.sqrt(np.outer(np.diag(sampled), np.diag(sampled)))
+    np.testing.assert_allclose(
+        predicted / np.sqrt(np.outer(np.diag(predicted), np.diag(predicted))), correlation, atol=0.06
+    )
 
 
 def test_a_log_is_read_as_a_sequence(bag: Path, frames: list[LogFrame], tmp_path: Path):

@@ -185,12 +185,19 @@ def test_logs_of_the_simulator_are_measured_as_bags(tmp_path: Path):
     hidden = Truth("target", *[np.zeros(4)] * 4, 0.0, 0.0, "out_of_view", (), 4.0, np.eye(4), np.eye(4), np.eye(3),
                    np.zeros(5), 0.0, 0.0, 0.5)  # fmt: skip
     names = [name for name in PROPRIO_NAMES if name.startswith(("gyro", "accelerometer"))]
-    with log_writer(log_format(path), path, LogInfo("walk", RATE_HZ, (), (1.0, 1.0, 1.0, 1.0))) as add:
+
+    class Wheels:
+        track_m = 0.4
+
+        def camera_mount(self, pan_rad: float, tilt_rad: float) -> np.ndarray:
+            return np.eye(4)
+
+    with log_writer(log_format(path), path, LogInfo("walk", RATE_HZ, (), (1.0, 1.0, 1.0, 1.0), 0.0)) as add:
         for index, row in enumerate(table):
             proprio = np.zeros(len(PROPRIO_NAMES))
             proprio[[PROPRIO_INDEX[name] for name in names]] = row[1:]
             frame = Frame(index, float(row[0]), np.zeros((8, 8, 3), np.uint8), hidden, (hidden,))
-            add(LogFrame(frame, (0.0, 0.0, 0.0), proprio, {}, {}, None))
+            add(LogFrame(frame, (0.0, 0.0, 0.0), proprio, Wheels()))
     wanted, found = measured(tmp_path, table), measure_imu(read_imu(path))
     assert value_of(found, "jitter").value == pytest.approx(value_of(wanted, "jitter").value, rel=1e-3)
     with pytest.raises(SequenceError, match="no topic /other"):

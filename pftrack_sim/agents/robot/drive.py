@@ -240,6 +240,18 @@ class Drive:
         mujoco.mj_camlight(self._model, data)
         return pose_of_camera(data, self._camera)
 
+    def camera_mount(self, pan_rad: float, tilt_rad: float) -> FloatArray:
+        """`(4, 4)` T_base_camera that angles of the head tell of a robot at rest, without the sway of its mast.
+
+        The base is on the ground, x forward; camera axes as OpenCV.
+        """
+        return self._equilibrium.camera(pan_rad, tilt_rad)
+
+    @property
+    def track_m(self) -> float:
+        """Distance between the contact points of its wheels."""
+        return self._wheels.track_m
+
     def proprio(self, data: mujoco.MjData) -> NDArray[np.float32]:
         """`(n,)` proprioception in the order of `pftrack_sim.core.proprioception.PROPRIO_NAMES`.
 
@@ -320,6 +332,15 @@ class Equilibrium:
     def at(self, head_rad: FloatArray) -> FloatArray:
         """Joint positions, with the middle of the axle about the origin, for `(2,)` pan and tilt; read-only."""
         return self._settled(head_rad.tobytes())
+
+    def camera(self, pan_rad: float, tilt_rad: float) -> FloatArray:
+        """`(4, 4)` pose of the camera over a base about the origin, for these angles of the head."""
+        scratch = mujoco.MjData(self._model)
+        scratch.qpos[self._qpos] = self.at(np.zeros(2))
+        scratch.qpos[self._joints[2:]] = pan_rad, tilt_rad
+        mujoco.mj_kinematics(self._model, scratch)
+        mujoco.mj_camlight(self._model, scratch)
+        return pose_of_camera(scratch, self._model.camera(CAMERA).id)
 
     def _settle(self, head: bytes) -> FloatArray:
         head_rad = np.frombuffer(head)

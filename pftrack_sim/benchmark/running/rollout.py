@@ -49,7 +49,7 @@ class Sample:
         frame: The simulated frame with its truth; None for recordings.
         caption: Caption of pictures of it.
         observation: Observation of the environment in closed loop; in open loop its `proprio` alone, on request.
-        info: Information that came with it, with `robot_pose` (x, y [m], heading [rad]); the latter on request.
+        info: Information that came with it, with `robot_pose` (x, y [m], heading [rad]) and `robot`; on request.
         detections: What a detector found in it, in open loop on request; None where there is none.
     """
 
@@ -89,7 +89,8 @@ def drive(env: TrackAndFollowEnv, seed: int, act: Callable[[Sample], Action], si
     """Let `act`, which calls a tracker itself, answer each frame until the environment ends the episode."""
 
     def posed(info: Mapping[str, Any]) -> dict[str, Any]:
-        return {**info, "robot_pose": env.simulation.world.robot_pose()}
+        world = env.simulation.world
+        return {**info, "robot_pose": world.robot_pose(), "robot": world.robot.drive}
 
     observation, given = env.reset(seed=seed)
     info = posed(given)
@@ -107,14 +108,15 @@ def simulated(
 ) -> Iterator[Sample]:
     """Frames of an episode in which the robot follows its script, up to the one at `until_s`.
 
-    With `sensors` they have proprioception and the robot's pose.
+    With `sensors` they have proprioception, the robot and its pose.
     """
 
     def sample(frame: Frame) -> Sample:
         if not sensors:
             return _sample(frame)
         world = simulation.world
-        return _sample(frame, observation={"proprio": world.proprio()}, info={"robot_pose": world.robot_pose()})
+        info = {"robot_pose": world.robot_pose(), "robot": world.robot.drive}
+        return _sample(frame, observation={"proprio": world.proprio()}, info=info)
 
     frame = simulation.reset(seed)
     yield sample(frame)

@@ -217,7 +217,8 @@ def episode_log(path: Path, name: str, settings: ResolvedScenario, runners: Sequ
     robot = settings.robot
     turn, pan, tilt = (math.radians(one) for one in (robot.max_turn_deg_s, robot.max_pan_deg_s, robot.max_tilt_deg_s))
     labels = tuple(runner.spec.label for runner in runners)
-    info = LogInfo(name, settings.camera.rate_hz, labels, (robot.max_speed_m_s, turn, pan, tilt))
+    limits, error = (robot.max_speed_m_s, turn, pan, tilt), 0.01 * robot.odometry_error_percent
+    info = LogInfo(name, settings.camera.rate_hz, labels, limits, error)
     form = log_format(path)
     with atomic_write(path) as part, log_writer(form, part, info) as add:
 
@@ -229,6 +230,7 @@ def episode_log(path: Path, name: str, settings: ResolvedScenario, runners: Sequ
                     sample.frame,
                     sample.info["robot_pose"],
                     np.asarray(sample.observation["proprio"], dtype=np.float64),
+                    sample.info["robot"],
                     {runner.spec.label: runner.estimates[-1] for runner in runners},
                     {runner.spec.label: runner.ms[-1] for runner in runners},
                     None if step.info is None else np.asarray(step.info["command"], dtype=np.float64),
