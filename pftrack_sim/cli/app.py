@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from pftrack_sim.cli import datasets, limits, measuring, reading, running, tables
+from pftrack_sim.cli import authoring, datasets, limits, measuring, reading, running, tables
 from pftrack_sim.cli.examples import epilog
 from pftrack_sim.cli.options import AllowTruth, Backend, Isolation, Params, Preset, Settings
 from pftrack_sim.cli.progress import progress_bar
@@ -226,6 +226,8 @@ def trax(
 # In the order of the help.
 for name, command in {
     "list": list_names,
+    "new": authoring.new,
+    "map": authoring.draw_map,
     "render": render,
     "studio": running.studio,
     "profile": datasets.profile,

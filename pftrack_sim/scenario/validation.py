@@ -81,14 +81,15 @@ def _allowed_keys(path: KeyPath, tree: object, schema: dict[str, Any]) -> list[s
     node: Any = schema
     value: Any = tree
     for part in path:
-        node = _resolved(node, schema, value)
+        node = resolved_node(node, schema, value)
         node = node.get("items", {}) if isinstance(part, int) else node.get("properties", {}).get(part, {})
         value = value[part]
-    known = sorted(_resolved(node, schema, value).get("properties", {}))
+    known = sorted(resolved_node(node, schema, value).get("properties", {}))
     return [KEY, *known] if not path and schema is json_schema() else known
 
 
-def _resolved(node: Any, schema: dict[str, Any], value: Any) -> Any:
+def resolved_node(node: Any, schema: dict[str, Any], value: Any) -> Any:
+    """A node of a schema with its references followed; of alternatives, that of the value's `kind`, or nothing."""
     while True:
         if "$ref" in node:
             node = schema["$defs"][node["$ref"].rsplit("/", 1)[1]]

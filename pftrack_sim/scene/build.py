@@ -59,9 +59,9 @@ def build_stage(
     return spec, layout
 
 
-def walkable_area(settings: ResolvedScenario, seed: int) -> WalkableArea:
-    """The walkable area of the place of an episode, without seats."""
-    return _add_place(SceneSpec(draws=False), settings, seed)
+def walkable_area(settings: ResolvedScenario, seed: int, seats: Sequence[Seat] = ()) -> WalkableArea:
+    """The walkable area of the place of an episode, with these seats in it."""
+    return _add_place(SceneSpec(draws=False), settings, seed, seats)
 
 
 def _add_place(spec: SceneSpec, settings: ResolvedScenario, seed: int, seats: Sequence[Seat] = ()) -> WalkableArea:
