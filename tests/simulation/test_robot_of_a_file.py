@@ -1,8 +1,10 @@
 """A robot of a file: what is true of the robot that ships is true of it."""
 
 import math
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import mujoco
 import numpy as np
@@ -259,3 +261,46 @@ def test_the_path_is_relative_to_the_scenario_that_names_it(tmp_path: Path):
     before = first.model_digest
     write_mjcf(tmp_path, MJCF.replace("0.3 0.2 0.1", "0.3 0.2 0.12"))
     assert scenario.load(tmp_path / "cart.toml").resolve(0).robot.model_digest != before
+
+
+class Menagerie(ModuleType):
+    """What `mujoco_menagerie` offers of one robot; without a network the second one cannot be had."""
+
+    class MenagerieError(Exception):
+        pass
+
+    default_model = "cart"
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__("mujoco_menagerie")
+        self._folder = folder
+
+    def names(self) -> list[str]:
+        return ["test_cart", "test_dog"]
+
+    def get(self, name: str) -> "Menagerie":
+        self._name = name
+        return self
+
+    def xml(self, entry: str) -> Path:
+        if self._name == "test_dog":
+            raise self.MenagerieError("no route to host")
+        return self._folder / f"{entry}.xml"
+
+
+def test_robots_of_the_menagerie_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    write_mjcf(tmp_path)
+    monkeypatch.setitem(sys.modules, "mujoco_menagerie", Menagerie(tmp_path))
+    with simulation(Path("menagerie:test_cart")) as own:
+        own.reset(0)
+        assert own.settings.camera.height_m == pytest.approx(0.722, abs=1e-6)
+    wrong = {
+        "test_cat": r"no such robot; did you mean 'test_cart'",
+        "test_dog": "cannot be downloaded: no route to host",
+    }
+    for name, message in wrong.items():
+        with simulation(Path(f"menagerie:{name}")) as own, pytest.raises(ScenarioError, match=message):
+            own.reset(0)
+    monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)
+    with simulation(Path("menagerie:test_bird")) as own, pytest.raises(ScenarioError, match=r"pip install .*menagerie"):
+        own.reset(0)
