@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from pftrack_sim.scenario.section import Angle, Coordinate, Point, Positive, Section, number, setting
 
 OWN_RADIUS_M = 0.25  # Of the robot that ships
-_ROLES = ("camera_site", "drive", "wheels", "pan", "tilt")  # Keys about the file of a robot
+_ROLES = ("camera_site", "drive", "wheels", "pan", "tilt", "pose_deg")  # Keys about the file of a robot
 
 
 class StillRoute(Section):
@@ -153,6 +153,7 @@ class Robot(Section):
     wheels: tuple[str, str] | None = setting(None, "Joints of its left and right wheel: the middle, track and radius.")
     pan: str | None = setting(None, "Its joint that pans the camera, or 'none'; left out, the nearest upright hinge.")
     tilt: str | None = setting(None, "Its joint that tilts it, or 'none'; left out, the nearest lateral hinge.")
+    pose_deg: dict[str, Angle] = setting({}, "Angles of its hinges; left out, those of its first keyframe, or 0.")
     radius_m: float | None = number(None, 0.05, 3, "Its radius on the ground; left out, that of what collides.")
     gaze: Literal["target", "forward"] = setting(
         "target", "'target': the head follows the target with an operator's lag; 'forward': fixed."

@@ -108,14 +108,15 @@ def test_what_of_the_robot_is_before_its_camera_occludes_and_its_housing_does_no
     assert seen["bar"][1] == ("robot",)
 
 
-def test_parts_that_nothing_moves_hold_the_pose_of_the_keyframe(tmp_path: Path):
-    with simulation(write_mjcf(tmp_path)) as own:
+@pytest.mark.parametrize(("pose_deg", "angle"), [({}, 0.4), ({"lift": 30.0}, math.radians(30.0))])
+def test_parts_that_nothing_moves_hold_the_pose_of_the_keyframe(pose_deg: object, angle: float, tmp_path: Path):
+    with simulation(write_mjcf(tmp_path), robot__pose_deg=pose_deg) as own:
         own.reset(0)
         model = own.world.model
         capsule = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_CAPSULE)
         capsule = [geom for geom in capsule if model.geom_group[geom] == ROBOT_GROUP]
         axis = own.world.data.geom_xmat[capsule[0]].reshape(3, 3)[:, 2]
-        assert math.acos(axis[2]) == pytest.approx(0.4, abs=1e-6)
+        assert math.acos(axis[2]) == pytest.approx(angle, abs=1e-6)
 
 
 def test_a_differential_drive_rolls_as_its_wheels_say_and_the_odometry_agrees(tmp_path: Path):
@@ -217,6 +218,7 @@ WRONG: dict[str, tuple[str, Callable[[str], str], dict[str, object], str]] = {
     "unknown joint": ("mjcf", str, {"robot.pan": "neck_pam"}, r"robot.pan: 'neck_pam'.*did you mean 'neck_pan'"),
     "wrong axis": ("mjcf", str, {"robot.tilt": "neck_pan", "robot.pan": "none"}, r"robot.tilt: .*not lateral"),
     "unknown wheel": ("mjcf", str, {"robot.wheels": ["wheel_l", "wheel"]}, r"wheels: 'wheel'.*did you mean 'wheel_"),
+    "unknown pose": ("mjcf", str, {"robot.pose_deg": {"lifts": 3}}, r"pose_deg: 'lifts'.*did you mean 'lift'"),
     "millimetres": ("mjcf", edited('"0.01 0.01 0.2"', '"10 10 200"'), {}, r"high.*millimetres\?"),
     "xacro": ("urdf", edited('link name="face"', 'xacro:face a=""'), {}, r"holds xacro: expand it"),
     "missing mesh": ("urdf", edited("body.dae", "torso.dae"), {}, r"no mesh 'package://cart_desc.*torso"),

@@ -63,8 +63,6 @@ def compile_file(model: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
     data = mujoco.MjData(compiled)
     if compiled.nkey:
         mujoco.mj_resetDataKeyframe(compiled, data, 0)
-    mujoco.mj_kinematics(compiled, data)
-    mujoco.mj_camlight(compiled, data)
     return compiled, data
 
 

@@ -31,13 +31,21 @@ class Roles:
     wheels: tuple[str, str] | None
     pan: str | None
     tilt: str | None
+    pose_deg: tuple[tuple[str, float], ...]
 
     @classmethod
     def of(cls, robot: Robot) -> Roles | None:
         """Those of a scenario; None for the robot that ships."""
         if robot.model is None:
             return None
-        keys = robot.camera_site, robot.drive, robot.wheels, robot.pan, robot.tilt
+        keys = (
+            robot.camera_site,
+            robot.drive,
+            robot.wheels,
+            robot.pan,
+            robot.tilt,
+            tuple(sorted(robot.pose_deg.items())),
+        )
         return cls(robot.model, robot.model_digest, *keys)
 
 
@@ -131,9 +139,25 @@ def named_hinge(model: Any, key: str, name: str, known: Sequence[int]) -> int:
     joint = int(mujoco.mj_name2id(model, _OBJECT.mjOBJ_JOINT, name))
     if joint not in known:
         names = _names(model, _OBJECT.mjOBJ_JOINT, known)
-        which = "is no joint of the robot that turns" if key == "robot.wheels" else "is no hinge that moves the camera"
-        raise ParameterError(f"{key}: {name!r} {which}{did_you_mean(name, names)} (those: {_listed(names)})")
+        which = "moves the camera" if key in ("robot.pan", "robot.tilt") else "the robot has"
+        raise ParameterError(
+            f"{key}: {name!r} is no hinge that {which}{did_you_mean(name, names)} (those: {_listed(names)})"
+        )
     return joint
+
+
+def strike_pose(model: Any, data: mujoco.MjData, pose_deg: Iterable[tuple[str, float]]) -> None:
+    """Turn hinges to angles by their names.
+
+    Raises:
+        ParameterError: There is no hinge of a name.
+    """
+    known = hinges_of(model)
+    for name, degrees in pose_deg:
+        joint = named_hinge(model, "robot.pose_deg", name, known)
+        data.qpos[model.jnt_qposadr[joint]] = math.radians(degrees)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
 
 
 def head_hinge(
