@@ -17,6 +17,7 @@ CONTACT = "contact"  # Name of the material and the mesh of the darkness under f
 CONTACT_OF_THINGS = "contact-of-things"  # Name of the mesh of the darkness around what stands on the ground
 CONTACT_OF_THINGS_HEIGHT_M, CONTACT_HEIGHT_M = 0.006, 0.008
 """Heights of both above the ground, and above all that is painted on it: at equal heights they would flicker."""
+GROUND = "ground"  # Name of the body of the flat ground
 SKY = "sky"  # Name of the material whose emission is the brightness of the sky's texture
 
 

@@ -65,11 +65,11 @@ def test_the_camera_is_where_the_joints_of_the_file_put_it(kind: str, tmp_path: 
             # The joints turn about -z and y: they read the other way round, and tilt up is a turn about -y.
             head = base @ turned(2, pan)
             face = head @ turned(1, -tilt)
-            lens = base @ PAN_AT + head @ TILT_AT + face @ LENS_AT + (x, y, 0.002)
+            lens = base @ PAN_AT + head @ TILT_AT + face @ LENS_AT + (x, y, 0.0)
             pose = frame.truth.T_world_camera
             np.testing.assert_allclose(pose[:3, 3], lens, atol=1e-5)
             np.testing.assert_allclose(pose[:3, :3], face @ [[0, 0, 1], [-1, 0, 0], [0, -1, 0]], atol=1e-5)
-            assert own.settings.camera.height_m == pytest.approx(0.722, abs=1e-6)
+            assert own.settings.camera.height_m == pytest.approx(0.72, abs=1e-6)
 
 
 @pytest.mark.parametrize("kind", WRITERS)
@@ -136,6 +136,17 @@ def test_a_differential_drive_rolls_as_its_wheels_say_and_the_odometry_agrees(tm
         # Sideways it does not move.
         speed = world.data.qvel[:2]
         assert abs(-math.sin(end[2]) * speed[0] + math.cos(end[2]) * speed[1]) < 0.02
+
+
+def test_nothing_of_it_rubs_on_the_ground(tmp_path: Path):
+    square = MJCF.replace('<geom size="0.15"/>', '<geom type="box" size="0.15 0.02 0.15"/>').replace(
+        '<geom type="sphere" size="0.15"/>', '<geom type="box" size="0.15 0.02 0.15"/>'
+    )
+    with simulation(write_mjcf(tmp_path, square), robot__wheels=["wheel_l", "wheel_r"]) as own:
+        own.reset(0)
+        for _ in range(60):
+            own.advance(np.array([0.5, 0.0, 0.0, 0.0]))
+        assert np.hypot(*own.world.data.qvel[:2]) == pytest.approx(0.8, abs=1e-3)
 
 
 def headless(text: str) -> str:
@@ -218,6 +229,7 @@ WRONG: dict[str, tuple[str, Callable[[str], str], dict[str, object], str]] = {
     "unknown joint": ("mjcf", str, {"robot.pan": "neck_pam"}, r"robot.pan: 'neck_pam'.*did you mean 'neck_pan'"),
     "wrong axis": ("mjcf", str, {"robot.tilt": "neck_pan", "robot.pan": "none"}, r"robot.tilt: .*not lateral"),
     "unknown wheel": ("mjcf", str, {"robot.wheels": ["wheel_l", "wheel"]}, r"wheels: 'wheel'.*did you mean 'wheel_"),
+    "no wheels": ("mjcf", str, {"robot.wheels": ["wheel_l", "wheel_l"]}, r"robot.wheels: .* 0 m apart"),
     "unknown pose": ("mjcf", str, {"robot.pose_deg": {"lifts": 3}}, r"pose_deg: 'lifts'.*did you mean 'lift'"),
     "millimetres": ("mjcf", edited('"0.01 0.01 0.2"', '"10 10 200"'), {}, r"high.*millimetres\?"),
     "xacro": ("urdf", edited('link name="face"', 'xacro:face a=""'), {}, r"holds xacro: expand it"),
@@ -295,7 +307,7 @@ def test_robots_of_the_menagerie_are_found_by_name(tmp_path: Path, monkeypatch: 
     monkeypatch.setitem(sys.modules, "mujoco_menagerie", Menagerie(tmp_path))
     with simulation(Path("menagerie:test_cart")) as own:
         own.reset(0)
-        assert own.settings.camera.height_m == pytest.approx(0.722, abs=1e-6)
+        assert own.settings.camera.height_m == pytest.approx(0.72, abs=1e-6)
     wrong = {
         "test_cat": r"no such robot; did you mean 'test_cart'",
         "test_dog": "cannot be downloaded: no route to host",

@@ -15,7 +15,7 @@ from pftrack_sim.core.proprioception import BEAM_HEIGHT_M, RANGE_ANGLES_RAD, RAN
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
 from pftrack_sim.scenario.model import Camera
-from pftrack_sim.scene.layout import HIDDEN_GROUP, body_owners
+from pftrack_sim.scene.layout import GROUND, HIDDEN_GROUP, body_owners
 from pftrack_sim.scene.robot import BASE, CAMERA, CASTER_SHARE, GRAVITY_M_S2, REST_YAW_RAD
 
 ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
@@ -33,7 +33,6 @@ _STUCK_RAD = 0.01  # A pan joint with less play is none
 _JOINTS = ("robot/axle-left", "robot/axle-right", "robot/pan", "robot/tilt")
 _MOTORS = ("robot/drive-left", "robot/drive-right", "robot/pan", "robot/tilt")
 _PLANAR_MOTORS = ("robot/base-x", "robot/base-y", "robot/base-yaw")
-_GROUND = "ground"
 _IDENTITY, _OPENCV_AXES = np.eye(4), np.array([1.0, -1.0, -1.0])
 
 
@@ -132,7 +131,7 @@ class Drive:
         owners = body_owners(model)
         self._owners: list[str] = [owners[body] for body in model.geom_bodyid.tolist()]
         self._own_geoms = model.body_rootid[model.geom_bodyid] == self._base
-        self._ignored_geoms = self._own_geoms | np.array([owner == _GROUND for owner in self._owners])
+        self._ignored_geoms = self._own_geoms | np.array([owner == GROUND for owner in self._owners])
         self._planar = _is_planar(model)
         self._base_motors = [model.actuator(name).id for name in _PLANAR_MOTORS] if self._planar else []
         low, high = self._head_range[0]

@@ -12,7 +12,15 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.model import Lights
-from pftrack_sim.scene.layout import CONTACT_OF_THINGS, HIDDEN_GROUP, SCENERY_GROUP, Bounds, Footprint, WalkableArea
+from pftrack_sim.scene.layout import (
+    CONTACT_OF_THINGS,
+    GROUND,
+    HIDDEN_GROUP,
+    SCENERY_GROUP,
+    Bounds,
+    Footprint,
+    WalkableArea,
+)
 from pftrack_sim.scene.places.materials import add_material
 from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, merged_by_material
 from pftrack_sim.scene.places.shade import foliage, ground_contact, roof_with_windows
@@ -219,8 +227,8 @@ class PlaceBuilder:
 
 def add_ground_plane(spec: mujoco.MjSpec) -> None:
     """Add the flat plane that wheels roll on. It is not drawn."""
-    body = spec.worldbody.add_body(name="ground")
-    plane = body.add_geom(name="ground/plane", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
+    body = spec.worldbody.add_body(name=GROUND)
+    plane = body.add_geom(name=f"{GROUND}/plane", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
     plane.friction = [1.0, 0.005, 0.0001]
     plane.group, plane.contype, plane.conaffinity = HIDDEN_GROUP, 1, 2
 

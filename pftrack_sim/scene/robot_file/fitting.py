@@ -17,7 +17,7 @@ import numpy as np
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
-from pftrack_sim.scene.layout import HIDDEN_ROBOT_GROUP, ROBOT_GROUP
+from pftrack_sim.scene.layout import GROUND, HIDDEN_ROBOT_GROUP, ROBOT_GROUP
 from pftrack_sim.scene.robot_file.reading import compile_file
 from pftrack_sim.scene.robot_file.roles import (
     Hinge,
@@ -40,11 +40,10 @@ _SHAPES = [
 ]
 _DRAWN_GROUPS = (0, 1, 2)  # As MuJoCo's own viewer shows them
 _UP, _LEFT = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
-_CLEARANCE_M = 0.002  # Above the ground: feet that touched it would rub
 _LOWEST_M, _HIGHEST_M = 0.05, 5.0
 _LENS_M = 0.02  # What is this near to the optical centre is the camera's own housing, and not drawn
 _PAN_RAD, _TILT_RAD = math.radians(200.0), math.radians(75.0)  # Either way, of a joint without limits
-_WHEEL_M = 0.1  # Radius of wheels that are not named
+_WHEEL_M, _LEAST_WHEEL_M = 0.1, 0.01  # Radius of wheels that are not named, and the least one
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +107,7 @@ def fit(roles: Roles) -> FittedRobot:
         )
     roots = np.flatnonzero(model.body_parentid[1:] == 0) + 1
     middle = data.xanchor[wheels].mean(axis=0) if wheels else data.xpos[roots].mean(axis=0)
-    origin = np.array([middle[0], middle[1], -below - _CLEARANCE_M])
+    origin = np.array([middle[0], middle[1], -below])
     around = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
     sides = np.stack([np.cos(around), np.sin(around), np.zeros(32)], axis=1)
     radius_m = float((_supports(model, data, solid, sides) - sides @ origin).max())
@@ -125,7 +124,13 @@ def fit(roles: Roles) -> FittedRobot:
         hinges[names] = read_hinge(model, data, joint, _LEFT, 0.0, 0.0, origin)
         if joint is None:
             hinges[names] = hinges[names]._replace(anchor_m=np.array([0.0, side * radius_m, _WHEEL_M]))
-    moved = {hinge.body: body for (body, _), hinge in hinges.items()}
+    left, right = (hinges[names].anchor_m.tolist() for names in _WHEELS)
+    if min(left[2], left[1] - right[1]) < _LEAST_WHEEL_M:
+        raise ParameterError(
+            f"robot.wheels: {roles.wheels} are {left[2]:.3g} m above the ground and {left[1] - right[1]:.3g} m apart: "
+            "the joints of a left and a right wheel are needed"
+        )
+    moved = {hinge.body: body for (body, joint), hinge in hinges.items() if not turns or (body, joint) not in _WHEELS}
     hull = "pan" if turns else "base"
     owners = [next((moved[one] for one in ancestors(model, body) if one in moved), hull) for body in range(model.nbody)]
     return FittedRobot(
@@ -145,12 +150,12 @@ def fit(roles: Roles) -> FittedRobot:
 
 
 def _shown(model: Any) -> tuple[BoolArray, BoolArray]:
-    """`(G,)` geoms that are drawn, and those that collide.
+    """`(G,)` geoms of links that are drawn, and those that collide.
 
     What collides is drawn only where its link has nothing that is drawn alone. A robot without colliders collides with
     what is drawn.
     """
-    rigid = np.isin(model.geom_type, _SHAPES)
+    rigid = np.isin(model.geom_type, _SHAPES) & (model.geom_bodyid > 0)
     solid = rigid & ((model.geom_contype | model.geom_conaffinity) != 0)
     opacity = np.array(model.geom_rgba[:, 3])
     by_material = (model.geom_matid >= 0) & (model.geom_rgba[:, :3] == 0.5).all(axis=1)
@@ -203,6 +208,9 @@ def add_fitted(spec: SceneSpec, fitted: FittedRobot, prefix: str, fovy_deg: floa
             joint.ref, joint.range, joint.limited = hinge.rest_rad, hinge.range_rad, True
     spec.attach(base, prefix=prefix, frame=spec.worldbody.add_frame())
     bodies = {name: spec.body(f"{prefix}{name}") for name in anchors}
+    for body in bodies.values():
+        # Feet and wheels would rub on it.
+        spec.add_exclude(bodyname1=GROUND, bodyname2=body.name)
     model, shown = fitted.model, fitted.drawn | fitted.solid
     materials = _add_materials(spec, model, np.unique(model.geom_matid[shown]).tolist(), prefix)
     meshes = set[int](model.geom_dataid[shown & (model.geom_type == int(_GEOM.mjGEOM_MESH))].tolist())
