@@ -32,6 +32,7 @@ TUTORIALS = {
     "first-benchmark": "axis.png",
     "first-tracker": "look.jpg",
     "own-scenario": "my-square.jpg",
+    "your-room": "office.jpg",
     "following": "distance.png",
     "reading-results": "overlap.png",
 }
@@ -268,9 +269,12 @@ def draw_tutorials() -> None:
     for page, name in TUTORIALS.items():
         with tempfile.TemporaryDirectory() as folder:
             run_page(DOCS / f"{page}.md", Path(folder))
-            drawn = cv2.imread(str(Path(folder) / name))
-        if drawn is None:
+            stills = [cv2.imread(str(path)) for path in sorted(Path(folder).glob(f"{Path(name).stem}.[jp][pn]g"))]
+        if not stills or any(one is None for one in stills):
             sys.exit(f"{page}.md has drawn no {name}")
+        # Pictures of one name stand beside each other.
+        height = max(one.shape[0] for one in stills)
+        drawn = np.hstack([cv2.resize(one, (one.shape[1] * height // one.shape[0], height)) for one in stills])
         scale = min(1.0, 840.0 / drawn.shape[1])
         drawn = cv2.resize(drawn, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         write_still(f"tutorials/{page}.webp", drawn[..., ::-1])
