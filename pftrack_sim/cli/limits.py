@@ -41,6 +41,9 @@ def limit(
             '"followed to the end" with --follow.',
         ),
     ] = None,
+    joint: Annotated[
+        bool, typer.Option("--joint", help="Of two axes also what they break together: where one costs the other.")
+    ] = False,
     at: Annotated[float, typer.Option(metavar="RATE", help="Success rate at the breaking point.")] = 0.5,
     width: Annotated[
         str, typer.Option(metavar="PERCENT", help="Length of the interval at which a search stops.")
@@ -84,6 +87,7 @@ def limit(
         at,
         parse_percent(width, "--width"),
         budget,
+        joint,
     )
     levels = read_levels(measured) if measured is not None else {}
     if measured is not None and not set(levels) & set(wanted.axes):

@@ -150,6 +150,7 @@ def write_limits_page(path: Path, found: Limits, measured: Mapping[str, Level] =
         size=(_WIDTH, _HEIGHT),
         plots=[_plot(group, videos) for group in groups.values()],
         firsts=_firsts(found.limits),
+        frontiers=_frontiers(found.limits),
     )
     target = path / "limits.html"
     write_bytes(target, page.encode())
@@ -208,6 +209,62 @@ def _plot(limits: Sequence[Limit], videos: dict[tuple[str, str, int], str]) -> d
         "height": max(_HEIGHT + 22.0, _NAME_HEIGHT * (len(limits) + 1)),
         "room": 8 * max(len(one.tracker) for one in limits),
     }
+
+
+def _frontiers(limits: Sequence[Limit]) -> list[dict[str, Any]]:
+    """One plot for every scenario in which two axes rise together: where each tracker breaks, in both axes' units."""
+    plots: list[dict[str, Any]] = []
+    for scenario in dict.fromkeys(one.scenario for one in limits if one.mix):
+        own = [one for one in limits if one.scenario == scenario]
+        axes = {mixed.axis: mixed for one in own for mixed in one.mix}
+        points = {
+            tracker: _frontier([one for one in own if one.tracker == tracker], tuple(axes))
+            for tracker in dict.fromkeys(one.tracker for one in own)
+        }
+        most = [
+            1.05 * max((end[k] for ends in points.values() for one in ends for end in one), default=1.0)
+            for k in range(2)
+        ]
+
+        def place(point: tuple[float, float], most: Sequence[float] = most) -> tuple[float, float]:
+            return (round(_WIDTH * point[0] / most[0], 1), round(_HEIGHT * (1.0 - point[1] / most[1]), 1))
+
+        ticks = [[one for one in _TICKS if 0.08 * high <= one <= high] for high in most]
+        x, y = axes.values()
+        plots.append(
+            {
+                "scenario": scenario,
+                "x": x,
+                "y": y,
+                "ticks": [(place((one, 0.0))[0], f"{one:g}") for one in ticks[0]],
+                "rises": [(place((0.0, one))[1], f"{one:g}") for one in ticks[1]],
+                "trackers": [
+                    {
+                        "tracker": tracker,
+                        "line": " ".join("{},{}".format(*place(middle)) for middle, _, _ in ends),
+                        "points": [tuple(place(end) for end in one) for one in ends],
+                    }
+                    for tracker, ends in points.items()
+                ],
+            }
+        )
+    return plots
+
+
+def _frontier(limits: Sequence[Limit], axes: tuple[str, ...]) -> list[tuple[tuple[float, float], ...]]:
+    """Breaking point and both ends of its interval in two axes, from the first axis alone to the second alone.
+
+    An open end is that of the range.
+    """
+    found: list[tuple[float, tuple[tuple[float, float], ...]]] = []
+    for one in limits:
+        if one.breaking_point is None:
+            continue
+        ends = one.breaking_point, one.low or 0.0, one.high or one.range[1]
+        factors = {mixed.axis: mixed.share * mixed.typical for mixed in one.mix} or {one.axis: 1.0}
+        x, y = (factors.get(axis, 0.0) for axis in axes)
+        found.append((math.atan2(y, x), tuple((end * x, end * y) for end in ends)))
+    return [points for _, points in sorted(found)]
 
 
 def _named(trackers: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -141,6 +141,43 @@ def test_a_search_says_what_lies_outside_its_range_and_does_not_extrapolate():
     assert search.differences(outcomes) == []
 
 
+def test_two_axes_together_break_a_tracker_on_the_frontier_of_both():
+    wanted = Wanted({"jitter": (0.5, 8.0), "noise": (2.0, 40.0)}, TRACKED, budget=40, joint=True)
+    searches = make_searches(PLAN, wanted)
+    assert [one.scale.axis for one in searches] == [
+        "jitter", "noise", "1 jitter + 0.5 noise", "1 jitter + 1 noise", "0.5 jitter + 1 noise",
+    ]  # fmt: skip
+    typical = {one.scale.axis: one.scale.typical for one in searches[:2]}
+    breaks_at = {"jitter": 2.0, "noise": 9.0}
+
+    def stress(levels: dict[str, float]) -> float:
+        return math.hypot(*(levels.get(axis, 0.0) * typical[axis] / point for axis, point in breaks_at.items()))
+
+    for search in searches:
+        outcomes: dict[tuple[str, str, int, str], bool] = {}
+        while batch := search.next_batch(outcomes):
+            for level, seed in batch:
+                condition = search.scale.condition(level)
+                held = bool(stream(seed, "outcome").random() < falling(stress(dict(condition.levels)), 1.0))
+                outcomes |= {("corridor", condition.name, seed, label): held for label in ("ncc", "stay")}
+        limit = search.limits(outcomes)[0]
+        assert limit.verdict == "breaks"
+        parts = {one.axis: one.share for one in limit.mix} or {limit.axis: 1.0 / typical[limit.axis]}
+        assert stress({axis: share * limit.low for axis, share in parts.items()}) < 1.05
+        assert stress({axis: share * limit.high for axis, share in parts.items()}) > 0.95
+        assert abs(stress({axis: share * limit.breaking_point for axis, share in parts.items()}) - 1.0) < 0.3
+
+
+def test_axes_that_cannot_rise_together_are_an_error():
+    with pytest.raises(ParameterError, match="--joint takes two axes, got 1"):
+        Wanted({"jitter": None}, TRACKED, joint=True)
+    with pytest.raises(ParameterError, match="levels of any size, and not distractors"):
+        make_searches(PLAN, Wanted({"jitter": None, "distractors": None}, TRACKED, joint=True))
+    spans = {"jitter": (0.2, 0.4), "noise": (60.0, 120.0)}
+    with pytest.raises(ParameterError, match="ranges of jitter and noise have no severities in common"):
+        make_searches(PLAN, Wanted(spans, TRACKED, joint=True))
+
+
 def test_a_search_stops_at_its_budget_and_at_its_seeds():
     search, outcomes = searched(
         {"ncc": 1.5, "stay": 1.5}, lambda stress, point: 0.9 * (stress < point) + 0.05, budget=40

@@ -20,6 +20,7 @@ from tests.cli.test_examples import SMALL
         ("corridor --axis jitter --success always", "overlap >= 0.5 for 90 % of the episode"),
         ("corridor --axis jitter --controllers servo", "--controllers needs --follow"),
         ("ko2012 --axis jitter", "takes scenarios"),
+        ("corridor --axis jitter --joint", "--joint takes two axes, got 1"),
         ("corridor --axis latency --trackers ncc", "only where the tracker drives"),
         ("corridor --axis jitter --measured none.toml", "none.toml: cannot be read as TOML"),
     ],

@@ -1,5 +1,6 @@
 """Breaking points as tables, and as a page."""
 
+import math
 import re
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 
 from pftrack_sim.benchmark import RunStore, plan_all
 from pftrack_sim.benchmark.limits.found import Difference, Limit, Limits, Tried
+from pftrack_sim.benchmark.limits.scale import MIXES, Mixed
 from pftrack_sim.benchmark.limits.search import Wanted, examples, find_limits, first_plan, make_searches
 from pftrack_sim.benchmark.limits.success import parse_success
 from pftrack_sim.benchmark.running.filming import film
@@ -130,3 +132,22 @@ def test_the_page_shows_curves_and_the_episodes_next_to_a_limit(tmp_path: Path):
         assert sorted(names.values()) == ["ncc", "stay"]
         one, other = map(float, names)
         assert abs(one - other) >= 14.0, "no name covers another"
+    assert "Where one costs the other" not in text
+    mixes = [
+        tuple(
+            Mixed(axis=axis, unit="", share=share, typical=1.0)
+            for axis, share in zip(("jitter", "noise"), pair, strict=True)
+        )
+        for pair in MIXES
+    ]
+    alone = [FOUND, FOUND.model_copy(update={"axis": "noise", "breaking_point": 8.0, "low": 6.0, "high": None})]
+    both = [FOUND.model_copy(update={"axis": f"mix {index}", "mix": mix}) for index, mix in enumerate(mixes)]
+    text = write_limits_page(tmp_path / "run", found.model_copy(update={"limits": (*alone, *both)})).read_text()
+    (plot,) = text.split("Where one costs the other")[1].split("Success over the level")[0].split("<svg")[1:]
+    ((line,), bars) = re.findall(r'<polyline points="([^"]+)"', plot), re.findall(r'<line class="ends"', plot)
+    points = [tuple(map(float, pair.split(","))) for pair in line.split()]
+    assert len(points) == len(bars) == 5
+    assert points[0][1] == 220.0, "the first axis alone"
+    assert points[-1][0] == 0.0, "the second alone"
+    angles = [math.atan2(220.0 - y, x) for x, y in points]
+    assert angles == sorted(angles)

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from pftrack_sim.benchmark.kept.checksums import Checksums
 from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.benchmark.limits.scale import Mixed
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.inputs import parse_json, read_bytes
 from pftrack_sim.core.text import one_line
@@ -59,6 +60,7 @@ class Limit(Section):
         curve: Levels and posterior mean of the success rate there.
         held: The success nearest below the breaking point.
         failed: The failure nearest above it.
+        mix: The axes that rise together, where there are several.
     """
 
     scenario: str
@@ -78,6 +80,7 @@ class Limit(Section):
     curve: tuple[tuple[float, float], ...]
     held: Example | None
     failed: Example | None
+    mix: tuple[Mixed, ...] = ()
 
 
 class Difference(Section):

@@ -13,6 +13,7 @@ from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameEr
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario.axes import axes_by_name
+from pftrack_sim.scenario.section import Section
 
 Range = tuple[float, float]
 """Lowest and highest level, in the unit of the axis."""
@@ -31,6 +32,24 @@ def is_linear(axis: str) -> bool:
     return axis in _LINEAR
 
 
+class Mixed(Section):
+    """One of several axes that rise together.
+
+    Attributes:
+        share: Its severity over the level.
+        typical: Level of severity 1, in its unit.
+    """
+
+    axis: str
+    unit: str
+    share: float
+    typical: float
+
+
+MIXES = ((1.0, 0.5), (1.0, 1.0), (0.5, 1.0))
+"""Severities of two axes that rise together, between those that rise alone."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scale:
     """Levels of one axis in one scenario.
@@ -41,6 +60,7 @@ class Scale:
         levels: `(L,)` rising, in that unit; the first is 0, the scenario without stress.
         typical: Level of severity 1; None for an axis of the run.
         settings: `(L,)` the same as a condition has them: severities, or levels of an axis of the run.
+        mix: Of several axes at once, the share of the level that is each one's severity; the unit is a severity then.
     """
 
     axis: str
@@ -48,6 +68,7 @@ class Scale:
     levels: FloatArray
     settings: FloatArray
     typical: float | None
+    mix: tuple[Mixed, ...] = ()
 
     @property
     def coordinates(self) -> FloatArray:
@@ -65,7 +86,10 @@ class Scale:
 
     def condition(self, index: int) -> Condition:
         """The condition of a level."""
-        return Condition(levels=((self.axis, float(self.settings[index])),))
+        setting = float(self.settings[index])
+        if self.mix:
+            return Condition(levels=tuple((one.axis, float(f"{one.share * setting:.4g}")) for one in self.mix))
+        return Condition(levels=((self.axis, setting),))
 
 
 def make_scale(spec: ScenarioSpec, axis: str, wanted: Range | None, seed: int) -> Scale:
@@ -111,6 +135,26 @@ def make_scale(spec: ScenarioSpec, axis: str, wanted: Range | None, seed: int) -
         raise ParameterError(f"{spec.name} takes {most} of the axis {axis}, got {low:.3g} to {high:.3g}")
     settings = np.array([0.0, *accepted])
     return Scale(axis, stress.unit, settings * stress.physical, settings, stress.physical)
+
+
+def mixed(first: Scale, second: Scale, shares: tuple[float, float]) -> Scale:
+    """The levels of two stress axes that rise together: severities, as far as both scales have them.
+
+    Raises:
+        ParameterError: One is no stress axis, or they have no severities in common.
+    """
+    mix: list[Mixed] = []
+    for scale, share in zip((first, second), shares, strict=True):
+        if scale.typical is None or scale.axis in _WHOLE:
+            raise ParameterError(f"--joint takes two axes of a scenario with levels of any size, and not {scale.axis}")
+        mix.append(Mixed(axis=scale.axis, unit=scale.unit, share=share, typical=scale.typical))
+    pairs = list(zip((first, second), shares, strict=True))
+    low, high = (pick(scale.settings[end] / share for scale, share in pairs) for pick, end in ((max, 1), (min, -1)))
+    if not low < high:
+        raise ParameterError(f"the ranges of {first.axis} and {second.axis} have no severities in common")
+    levels = np.array([0.0, *(float(f"{level:.4g}") for level in _spaced("", low, high))])
+    name = " + ".join(f"{share:g} {scale.axis}" for scale, share in pairs)
+    return Scale(name, "severity", levels, levels, None, tuple(mix))
 
 
 def _spaced(axis: str, low: float, high: float) -> FloatArray:

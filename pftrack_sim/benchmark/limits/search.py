@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from pftrack_sim.benchmark.asked.plan import Plan, ScenarioSpec, Sweep, make_checked_plan
+from pftrack_sim.benchmark.asked.plan import Condition, Plan, ScenarioSpec, Sweep, make_checked_plan
 from pftrack_sim.benchmark.limits.found import Difference, Example, Limit, Limits, Tried, Verdict, write_limits
 from pftrack_sim.benchmark.limits.psychometric import (
     LEVEL,
@@ -31,7 +31,7 @@ from pftrack_sim.benchmark.limits.psychometric import (
     threshold,
     thresholds_drawn,
 )
-from pftrack_sim.benchmark.limits.scale import Range, Scale, make_scale
+from pftrack_sim.benchmark.limits.scale import MIXES, Range, Scale, make_scale, mixed
 from pftrack_sim.benchmark.limits.success import Outcomes, Success
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
@@ -56,6 +56,7 @@ class Wanted:
         at: Success rate at the breaking point.
         width: Length of the interval at which a search stops, as a share of the breaking point.
         budget: Episodes of each search at most.
+        joint: Whether the two axes are sought together, too, in three mixes.
     """
 
     axes: Mapping[str, Range | None]
@@ -63,10 +64,13 @@ class Wanted:
     at: float = 0.5
     width: float = 0.1
     budget: int = 200
+    joint: bool = False
 
     def __post_init__(self) -> None:
         if not self.axes:
             raise ParameterError("name what is to break it, for example --axis jitter")
+        if self.joint and len(self.axes) != 2:
+            raise ParameterError(f"--joint takes two axes, got {len(self.axes)}: --axis jitter --axis noise --joint")
         if not 0.0 < self.width < math.inf:
             raise ParameterError(f"the width must be above 0 %, got {100 * self.width:g} %")
         if self.budget < BATCH * _LEAST_BATCHES:
@@ -195,6 +199,7 @@ class Search:
             curve=tuple(zip(levels, rates.tolist(), strict=True)),
             held=self._nearest(outcomes, label, point, held=True) if inside else None,
             failed=self._nearest(outcomes, label, point, held=False) if inside else None,
+            mix=self.scale.mix,
         )
 
     def _difference(self, first: str, second: str, outcomes: Outcomes) -> Difference:
@@ -238,11 +243,14 @@ def make_searches(plan: Plan, wanted: Wanted) -> list[Search]:
         ScenarioError: An axis has no effect in a scenario.
     """
     seeds = list(dict.fromkeys(one.seed for one in plan.episodes()))
-    return [
-        Search(spec, make_scale(spec, axis, span, seeds[0]), plan.labels, seeds, wanted)
-        for spec in plan.scenarios.values()
-        for axis, span in wanted.axes.items()
-    ]
+    searches: list[Search] = []
+    for spec in plan.scenarios.values():
+        scales = [make_scale(spec, axis, span, seeds[0]) for axis, span in wanted.axes.items()]
+        if wanted.joint:
+            first, second = scales
+            scales += [mixed(first, second, shares) for shares in MIXES]
+        searches += [Search(spec, scale, plan.labels, seeds, wanted) for scale in scales]
+    return searches
 
 
 def first_plan(plan: Plan, searches: Sequence[Search]) -> Plan:
@@ -288,13 +296,12 @@ def examples(store: RunStore, found: Limits) -> list[Result]:
 
 
 def _plan_of(plan: Plan, batches: Sequence[tuple[Search, Sequence[tuple[int, int]]]]) -> Plan:
-    sweeps: list[Sweep] = []
+    seeds: dict[tuple[str, Condition], dict[int, ScenarioSpec]] = {}  # Axes that rise together share the level 0
     for search, batch in batches:
-        by_level: dict[int, list[int]] = {}
         for level, seed in batch:
-            by_level.setdefault(level, []).append(seed)
-        sweeps += [
-            Sweep(scenarios=(search.spec,), conditions=(search.scale.condition(level),), seeds=tuple(seeds))
-            for level, seeds in by_level.items()
-        ]
+            seeds.setdefault((search.spec.name, search.scale.condition(level)), {})[seed] = search.spec
+    sweeps = [
+        Sweep(scenarios=(next(iter(own.values())),), conditions=(condition,), seeds=tuple(own))
+        for (_, condition), own in seeds.items()
+    ]
     return make_checked_plan(tuple(sweeps), plan.trackers, truth=plan.truth, environment=plan.environment)
