@@ -102,13 +102,14 @@ def stl(half: tuple[float, float, float]) -> bytes:
 def dae(half: tuple[float, float, float]) -> str:
     """A box as COLLADA in millimetres, of quadrilaterals, turned and shifted back by its scene."""
     turned = _CORNERS * half @ np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) - (0.0, 0.0, 0.5)
-    numbers = " ".join(f"{number:.9g}" for number in (1000.0 * turned).ravel())
+    unused = [9e3, 9e3, 9e3]
+    numbers = " ".join(f"{number:.9g}" for number in [*(1000.0 * turned).ravel(), *unused])
     indices = " ".join(f"{corner} 0" for quad in _QUADS for corner in quad)
     return f"""<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
   <asset><unit name="millimeter" meter="0.001"/></asset>
   <library_geometries><geometry id="g"><mesh>
-    <source id="p"><float_array id="a" count="24">{numbers}</float_array></source>
+    <source id="p"><float_array id="a" count="27">{numbers}</float_array></source>
     <source id="n"><float_array id="b" count="3">0 0 1</float_array></source>
     <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
     <polylist count="6"><input semantic="VERTEX" source="#v" offset="0"/>

@@ -41,8 +41,10 @@ def read_collada(content: bytes) -> tuple[FloatArray, IntArray]:
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in placed)])
     unit = root.find("asset/unit")
     scale = float(unit.get("meter", "1")) if unit is not None else 1.0
-    faces = [faces + start for (_, faces), start in zip(placed, starts, strict=False)]
-    return scale * np.concatenate([vertices for vertices, _ in placed]), np.concatenate(faces)
+    faces = np.concatenate([faces + start for (_, faces), start in zip(placed, starts, strict=False)])
+    # Several meshes may share their vertices.
+    used, corners = np.unique(faces, return_inverse=True)
+    return scale * np.concatenate([vertices for vertices, _ in placed])[used], corners.reshape(-1, 3)
 
 
 def _triangles(geometry: ET.Element) -> Iterator[tuple[FloatArray, IntArray]]:
