@@ -119,16 +119,6 @@ def distinct_names(names: Iterable[str]) -> list[str]:
     return found
 
 
-def texels(image: NDArray[Any]) -> NDArray[np.uint8]:
-    """`(H, W, 3)` of an image with any number of channels, no wider than 2048 pixels."""
-    pixels = np.asarray(image, dtype=np.uint8)
-    pixels = pixels[..., :3] if pixels.shape[-1] >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
-    step = -(-pixels.shape[1] // 2048)
-    pixels = np.ascontiguousarray(pixels[::step, ::step])
-    pixels.setflags(write=False)
-    return pixels
-
-
 def box_triangles(middle: FloatArray, half: FloatArray) -> FloatArray:
     """`(12, 3, 3)` triangles of a box along the axes."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64) * half + middle

@@ -12,10 +12,11 @@ import numpy as np
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.model import MeshPlace
+from pftrack_sim.scene.compiled_model import texels
 from pftrack_sim.scene.places.builder import Item
 from pftrack_sim.scene.places.meshes import TexturedMesh
 from pftrack_sim.scene.places.navigation import MOST_M, area_of, floor_height_m, grid_of
-from pftrack_sim.scene.places.room import MOST_TRIANGLES, Room, Surface, distinct_names, texels
+from pftrack_sim.scene.places.room import MOST_TRIANGLES, Room, Surface, distinct_names
 
 _Y_UP = (".gltf", ".glb", ".obj")
 _KINDS = (*_Y_UP, ".ply", ".stl")

@@ -11,6 +11,7 @@ import numpy as np
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.scenario.model import MjcfPlace
+from pftrack_sim.scene.compiled_model import colours, mesh_corners, texture_image
 from pftrack_sim.scene.places.builder import Item
 from pftrack_sim.scene.places.meshes import TexturedMesh
 from pftrack_sim.scene.places.navigation import area_of, floor_height_m, grid_of
@@ -21,14 +22,12 @@ from pftrack_sim.scene.places.room import (
     Surface,
     box_triangles,
     distinct_names,
-    texels,
 )
 
 _GEOM = mujoco.mjtGeom
 _LEAST_OPACITY = 0.5  # What is more transparent is left out, the rest is opaque: the truth knows nothing between
 _AROUND_M = 4.0  # Of a plane without limits, this much around everything else is a floor
 _MOST_LIGHTS = 6
-_UNSET_RGBA = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
 
 
 def read_mjcf(place: MjcfPlace) -> Room:
@@ -48,7 +47,7 @@ def read_mjcf(place: MjcfPlace) -> Room:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
-    rgba = _colours(model)
+    rgba = colours(model)
     solid = (model.geom_contype | model.geom_conaffinity) != 0
     drawn = np.isin(model.geom_group, place.groups) & (rgba[:, 3] >= _LEAST_OPACITY)
     triangles = _triangles(model, data, np.flatnonzero(drawn | solid))
@@ -86,14 +85,6 @@ def _owners(model: Any) -> list[str]:
     ]
 
 
-def _colours(model: Any) -> FloatArray:
-    """`(ngeom, 4)` colours: the material's where the geom's own was left as it is."""
-    rgba = np.array(model.geom_rgba, dtype=np.float64)
-    by_material = (model.geom_matid >= 0) & (model.geom_rgba == _UNSET_RGBA).all(axis=1)
-    rgba[by_material] = model.mat_rgba[model.geom_matid[by_material]]
-    return rgba
-
-
 def _surface(model: Any, geom: int, rgba: FloatArray) -> Surface:
     red, green, blue, _ = rgba.tolist()
     material = int(model.geom_matid[geom])
@@ -101,27 +92,16 @@ def _surface(model: Any, geom: int, rgba: FloatArray) -> Surface:
     emission = 0.0 if material < 0 else float(model.mat_emission[material])
     if texture < 0 or model.tex_type[texture] == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
         return Surface((red, green, blue, 1.0), emission=emission)
-    width, height, channels = (int(one[texture]) for one in (model.tex_width, model.tex_height, model.tex_nchannel))
-    start = int(model.tex_adr[texture])
-    image = model.tex_data[start : start + width * height * channels].reshape(height, width, channels)
     across, down = model.mat_texrepeat[material].tolist()
-    return Surface((red, green, blue, 1.0), texels(image), (across, down), bool(model.mat_texuniform[material]),
-                   emission)  # fmt: skip
+    image, uniform = texture_image(model, texture), bool(model.mat_texuniform[material])
+    return Surface((red, green, blue, 1.0), image, (across, down), uniform, emission)
 
 
 def _mesh(model: Any, mesh: int, surface: str, rotation: FloatArray, position: FloatArray) -> TexturedMesh:
     """A mesh in the world frame, with one vertex for each different place, normal and texture coordinate."""
-    faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
-    textured = model.mesh_texcoordadr[mesh] >= 0
-    corners = [model.mesh_face[faces], model.mesh_facenormal[faces]]
-    corners += [model.mesh_facetexcoord[faces]] if textured else []
-    rows, index = np.unique(np.stack(corners, axis=-1).reshape(-1, len(corners)), axis=0, return_inverse=True)
-    vertices = model.mesh_vert[model.mesh_vertadr[mesh] + rows[:, 0]].astype(np.float64) @ rotation.T + position
-    normals = model.mesh_normal[model.mesh_normaladr[mesh] + rows[:, 1]].astype(np.float64) @ rotation.T
-    uv = np.zeros((0, 2))
-    if textured:
-        uv = model.mesh_texcoord[model.mesh_texcoordadr[mesh] + rows[:, 2]].astype(np.float64) * (1.0, -1.0)
-    return TexturedMesh(surface, vertices, normals, uv, index.reshape(-1, 3).astype(np.int32))
+    places, normals, uv, faces = mesh_corners(model, mesh)
+    vertices = places @ rotation.T + position
+    return TexturedMesh(surface, vertices, normals @ rotation.T, uv * (1.0, -1.0), faces.astype(np.int32))
 
 
 def _triangles(model: Any, data: Any, geoms: IntArray) -> FloatArray:

@@ -17,6 +17,7 @@ import numpy as np
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.scene.compiled_model import colours, mesh_corners, texture_image
 from pftrack_sim.scene.layout import GROUND, HIDDEN_ROBOT_GROUP, ROBOT_GROUP
 from pftrack_sim.scene.robot_file.reading import compile_file
 from pftrack_sim.scene.robot_file.roles import (
@@ -157,10 +158,7 @@ def _shown(model: Any) -> tuple[BoolArray, BoolArray]:
     """
     rigid = np.isin(model.geom_type, _SHAPES) & (model.geom_bodyid > 0)
     solid = rigid & ((model.geom_contype | model.geom_conaffinity) != 0)
-    opacity = np.array(model.geom_rgba[:, 3])
-    by_material = (model.geom_matid >= 0) & (model.geom_rgba[:, :3] == 0.5).all(axis=1)
-    opacity[by_material] = model.mat_rgba[model.geom_matid[by_material], 3]
-    drawn = rigid & np.isin(model.geom_group, _DRAWN_GROUPS) & (opacity > 0.0)
+    drawn = rigid & np.isin(model.geom_group, _DRAWN_GROUPS) & (colours(model)[:, 3] > 0.0)
     drawn &= ~solid | ~np.isin(model.geom_bodyid, model.geom_bodyid[drawn & ~solid])
     if not drawn.any() and not solid.any():
         raise ParameterError("robot.model: the robot has no shape: none of its geoms is drawn or collides")
@@ -251,29 +249,14 @@ def _add_materials(spec: SceneSpec, model: Any, used: list[int], prefix: str) ->
         material.textures[_COLOUR] = image_name = f"{prefix}texture-{texture}"
         if texture not in textures:
             textures.add(texture)
-            shape = [int(getattr(model, f"tex_{what}")[texture]) for what in ("height", "width", "nchannel")]
-            first, kind = int(model.tex_adr[texture]), mujoco.mjtTexture(int(model.tex_type[texture]))
-            texels = model.tex_data[first : first + math.prod(shape)].reshape(shape)
-            rgb = np.ascontiguousarray(np.repeat(texels, 3, axis=2) if shape[2] == 1 else texels[..., :3])
-            spec.add_image(image_name, rgb, kind)
+            kind = mujoco.mjtTexture(int(model.tex_type[texture]))
+            spec.add_image(image_name, texture_image(model, texture), kind)
     return names
 
 
 @lru_cache(maxsize=256)
 def _mesh(fitted: FittedRobot, mesh: int) -> bytes:
-    """Content of the file of a mesh; a vertex with several normals or texture coordinates becomes several."""
-    model = fitted.model
-    first = int(model.mesh_faceadr[mesh])
-    faces, textured = slice(first, first + int(model.mesh_facenum[mesh])), int(model.mesh_texcoordadr[mesh]) >= 0
-    corners = [model.mesh_face[faces], model.mesh_facenormal[faces]]
-    corners += [model.mesh_facetexcoord[faces]] if textured else []
-    points, index = np.unique(np.stack(corners, axis=-1).reshape(-1, len(corners)), axis=0, return_inverse=True)
-    vertices = model.mesh_vert[int(model.mesh_vertadr[mesh]) + points[:, 0]]
-    normals = model.mesh_normal[int(model.mesh_normaladr[mesh]) + points[:, 1]]
-    coordinates = np.empty((0, 2))
-    if textured:
-        coordinates = model.mesh_texcoord[int(model.mesh_texcoordadr[mesh]) + points[:, 2]]
-    return mesh_file(vertices, normals, coordinates, index.reshape(-1, 3))
+    return mesh_file(*mesh_corners(fitted.model, mesh))
 
 
 def _quaternion(rotation: FloatArray) -> FloatArray:
