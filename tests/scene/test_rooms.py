@@ -18,7 +18,9 @@ from pftrack_sim.agents.pedestrians.obstacle_map import ROUTE_CLEARANCE_M, Obsta
 from pftrack_sim.core.errors import PftrackError, ScenarioError
 from pftrack_sim.scene.build import build_stage, walkable_area
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
+from pftrack_sim.scene.places import room_mesh
 from pftrack_sim.scene.places.navigation import Grid, area_of, rectangles
+from pftrack_sim.scene.places.place import load_room
 from pftrack_sim.simulation.world import World
 
 
@@ -186,3 +188,15 @@ def test_a_large_ragged_place_gets_coarser_cells_rather_than_many_rectangles():
     found = area_of(Grid(blocked, (0.0, 0.0), 0.05))
     assert 5 < len(found.footprints) <= 160
     assert found.bounds_m == pytest.approx((1.0, 1.0, 19.0, 19.0), abs=0.4)
+
+
+def test_too_many_triangles_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(room_mesh, "MOST_TRIANGLES", 20)
+    with pytest.raises(ScenarioError, match=r"has \d\d triangles, 1 to 20 are drawn; simplify it first"):
+        walkable_area(resolved("mesh", write_glb(tmp_path)), 0)
+
+
+def test_open_surfaces_are_drawn_from_both_sides_and_closed_ones_from_outside(tmp_path: Path):
+    room = load_room(resolved("mesh", write_glb(tmp_path)).place)
+    faces = {item.name: len(item.prop[0].faces) for item in room.items}
+    assert faces == {"room-table": 12, "room-floor": 12, **{f"room-wall-{number}": 4 for number in range(4)}}

@@ -28,22 +28,25 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, cast
 
 import numpy as np
 
 from pftrack_sim.core.data_files import asset_table
+from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.random_streams import pick
-from pftrack_sim.scenario.model import AnyPlace, Lights, Place
+from pftrack_sim.scenario.model import AnyPlace, Lights, MapPlace, MjcfPlace, Place
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import Collider, Item, PlaceBuilder, add_ground_plane, bounding_box
 from pftrack_sim.scene.places.catalogue import described_meshes, load_prop
 from pftrack_sim.scene.places.materials import add_skybox
 from pftrack_sim.scene.places.meshes import Prop, merged_by_material
 from pftrack_sim.scene.places.props import BUILT, RANDOM
-from pftrack_sim.scene.places.room import add_room
-from pftrack_sim.scene.places.room_files import load_room
+from pftrack_sim.scene.places.room import Room, add_room
+from pftrack_sim.scene.places.room_map import read_map
+from pftrack_sim.scene.places.room_mesh import read_mesh
+from pftrack_sim.scene.places.room_mjcf import read_mjcf
 from pftrack_sim.scene.places.seats import Seat, add_seats
 from pftrack_sim.scene.scene_spec import SceneSpec
 
@@ -68,16 +71,17 @@ def add_place(
     Raises:
         ScenarioError: The file cannot be read, or is no room for people and robot.
     """
-    left, low, right, high = (
-        _description(place.kind)["bounds"] if isinstance(place, Place) else load_room(place).area.bounds_m
-    )
-    bounds = (left, low, right, high)
-    builder = PlaceBuilder(spec, rng, bounds, lights, patch_rng or np.random.default_rng(0))
+    patch_rng = patch_rng or np.random.default_rng(0)
     add_ground_plane(spec)
-    add_seats(builder, seats)
     if not isinstance(place, Place):
-        return add_room(builder, load_room(place))
+        room = load_room(cast(Any, place))
+        builder = PlaceBuilder(spec, rng, room.area.bounds_m, lights, patch_rng)
+        add_seats(builder, seats)
+        return add_room(builder, room)
     description = _description(place.kind)
+    left, low, right, high = description["bounds"]
+    builder = PlaceBuilder(spec, rng, (left, low, right, high), lights, patch_rng)
+    add_seats(builder, seats)
     if "sky" in description:
         add_skybox(spec, description["sky"])
     for item in (*_fixed_items(place.kind), *_items(description, "drawn", rng)):
@@ -86,6 +90,25 @@ def add_place(
     for kind, values in description["light"].items():
         getattr(builder, f"add_{kind}")(**values)
     return builder.finish([(x, y) for x, y in description["goals"]])
+
+
+@lru_cache(maxsize=4)
+def load_room(place: Any) -> Room:
+    """The room of a place from a file, read once as long as its digest stays the same.
+
+    Raises:
+        ScenarioError: The file cannot be read, or is no room for people and robot.
+    """
+    try:
+        match place:
+            case MapPlace():
+                return read_map(place)
+            case MjcfPlace():
+                return read_mjcf(place)
+            case _:
+                return read_mesh(place)
+    except ParameterError as error:
+        raise ScenarioError(place.model, [f"place.model: {error}"]) from None
 
 
 @cache
