@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import cv2
 import mujoco
 import numpy as np
 import pytest
@@ -200,3 +201,32 @@ def test_open_surfaces_are_drawn_from_both_sides_and_closed_ones_from_outside(tm
     room = load_room(resolved("mesh", write_glb(tmp_path)).place)
     faces = {item.name: len(item.prop[0].faces) for item in room.items}
     assert faces == {"room-table": 12, "room-floor": 12, **{f"room-wall-{number}": 4 for number in range(4)}}
+
+
+@pytest.mark.parametrize("degrees", [0, 7, 31, 44, 70])
+def test_rectangles_lie_along_the_walls_of_a_map_that_is_askew(degrees: float):
+    cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    turn = np.array([[cosine, -sine], [sine, cosine]])
+    blocked = np.ones((400, 400), np.uint8)
+    for half, value in (((140.0, 90.0), 0), ((30.0, 20.0), 1)):
+        corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half @ turn.T + 200.0
+        cv2.fillConvexPoly(blocked, np.rint(corners).astype(np.int32), value)
+    area = area_of(Grid(blocked > 0, (-10.0, -10.0), 0.05))
+    # The middles of cells are where those of pixels are, half a cell from their corners.
+    points = np.random.default_rng(0).uniform((-6.4, -3.9), (6.4, 3.9), (2000, 2))
+    to_block = np.hypot(*np.maximum(np.abs(points) - (1.5, 1.0), 0.0).T)
+    clear = np.minimum(to_block, np.minimum(7.0 - np.abs(points[:, 0]), 4.5 - np.abs(points[:, 1])))
+    found = ObstacleMap(area).clearance_m(points @ turn.T + 0.025)
+    assert len(area.footprints) <= 64  # 130 to 402 along the rows
+    assert np.abs(found - clear)[clear > ROUTE_CLEARANCE_M].max() < 0.13
+
+
+def test_specks_of_a_map_are_noise(tmp_path: Path):
+    plain = walkable_area(resolved("map", write_map(tmp_path)), 0)
+    image = cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_GRAYSCALE)
+    image[80, 50], image[60:62, 60] = 0, 205
+    cv2.imwrite(str(tmp_path / "map.pgm"), image)
+    assert walkable_area(resolved("map", tmp_path / "map.yaml"), 0) == plain
+    image[80:82, 50:52] = 0
+    cv2.imwrite(str(tmp_path / "map.pgm"), image)
+    assert walkable_area(resolved("map", tmp_path / "map.yaml"), 0) != plain

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple, cast
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
@@ -28,70 +29,105 @@ _GOAL_M = 0.5  # Distance of goals from everything
 _LEAST_M2 = 1.0  # Of the middles of people: a smaller place is none
 _MOST_RECTANGLES, _FEW_RECTANGLES = 600, 160
 _GOALS = 14
+_ALONG_RAD = math.radians(0.5)  # Walls at a smaller angle to the rows are along them
 
 
 class Grid(NamedTuple):
     """Cells on the ground.
 
     Attributes:
-        blocked: `(rows, columns)` cells that nobody can stand in; rows count along y.
-        corner_m: x, y of the lowest corner of the first.
+        blocked: `(rows, columns)` cells that nobody can stand in.
+        corner_m: x, y of the outer corner of the first.
         cell_m: Their size.
+        yaw_rad: Angle of the rows to the world's x.
     """
 
     blocked: BoolArray
     corner_m: tuple[float, float]
     cell_m: float
+    yaw_rad: float = 0.0
 
     def coarser(self) -> Grid:
         """The same with cells of twice the size."""
         rows, columns = self.blocked.shape
         even = np.pad(self.blocked, ((0, rows % 2), (0, columns % 2)), constant_values=True)
         halves = even.reshape(even.shape[0] // 2, 2, even.shape[1] // 2, 2)
-        return Grid(np.asarray(halves.any(axis=(1, 3))), self.corner_m, 2.0 * self.cell_m)
+        return self._replace(blocked=np.asarray(halves.any(axis=(1, 3))), cell_m=2.0 * self.cell_m)
 
-    def xy(self, rows: IntArray, columns: IntArray) -> FloatArray:
-        """`(N, 2)` middles of cells [m]."""
-        middles: FloatArray = np.column_stack([columns + 0.5, rows + 0.5]).astype(np.float64)
-        return middles * self.cell_m + self.corner_m
+    def xy(self, rows: ArrayLike, columns: ArrayLike) -> FloatArray:
+        """`(N, 2)` places of N rows and columns, which count from the outer corner of the first cell [m]."""
+        cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        local = self.cell_m * np.column_stack([np.asarray(columns), np.asarray(rows)])
+        return local @ np.array([[cosine, sine], [-sine, cosine]]) + self.corner_m
+
+    def turned(self, angle_rad: float) -> Grid:
+        """The same with its cells along other axes; what is outside is blocked."""
+        (rows, columns), turn = self.blocked.shape, self._replace(yaw_rad=angle_rad, corner_m=(0.0, 0.0), cell_m=1.0)
+        corners = turn._replace(yaw_rad=-angle_rad).xy([0, 0, rows, rows], [0, columns, 0, columns])
+        low: FloatArray = np.floor(corners.min(axis=0))
+        width, height = (int(one) for one in np.ceil(corners.max(axis=0) - low).tolist())
+        blocked = np.zeros(height * width, dtype=bool)
+        row, column = np.indices((height, width)).reshape(2, -1)
+        # A cell is blocked where one is that it overlaps by more than a little.
+        for down, across in ((0.5, 0.5), (0.2, 0.2), (0.2, 0.8), (0.8, 0.2), (0.8, 0.8)):
+            places = np.floor(turn.xy(row + down + low[1], column + across + low[0])).astype(np.intp)
+            inside = ((places >= 0) & (places < (columns, rows))).all(axis=1)
+            blocked |= ~inside
+            blocked[inside] |= self.blocked[places[inside, 1], places[inside, 0]]
+        x, y = self.xy(*np.split(turn.xy(low[1], low[0])[:, ::-1], 2, axis=1))[0].tolist()
+        return Grid(blocked.reshape(height, width), (x, y), self.cell_m, self.yaw_rad + angle_rad)
+
+    def walls_rad(self) -> float:
+        """Angle of most of the borders to the rows, from -45 to 45 degrees."""
+        smooth = cv2.GaussianBlur(self.blocked.astype(np.float32), (0, 0), 1.5)
+        slope = cv2.Sobel(smooth, cv2.CV_64F, 1, 0) + 1j * cv2.Sobel(smooth, cv2.CV_64F, 0, 1)
+        fourth = (slope**4 / np.maximum(np.abs(slope), 1e-9) ** 2).sum()
+        return float(np.angle(fourth)) / 4.0
 
 
 def area_of(grid: Grid) -> WalkableArea:
     """Footprints of all that stands in the way, bounds of the rest, and goals in its largest part.
 
-    Cells are made coarser, up to 0.2 m, where it takes many rectangles to cover them.
+    Rectangles lie along the rows or along most of the walls; where it still takes many, cells are made coarser, up to
+    0.2 m.
 
     Raises:
         ParameterError: There is no room for a person, or it takes too many rectangles.
     """
     while True:
-        away_m, goals = _ways(grid)
+        tried = [grid, grid.turned(grid.walls_rad())] if abs(grid.walls_rad()) > _ALONG_RAD else [grid]
+        ways = [(one, *_ways(one)) for one in tried]
         # What is reached from no side may be covered or not.
-        boxes = list(rectangles(grid.blocked & (away_m < _NEAR_M), grid.blocked | (away_m > BODY_M)))
+        covers = [
+            list(rectangles(one.blocked & (away_m < _NEAR_M), one.blocked | (away_m > BODY_M)))
+            for one, away_m, _ in ways
+        ]
+        (used, away_m, goals), boxes = min(zip(ways, covers, strict=True), key=lambda pair: len(pair[1]))
         if len(boxes) <= _FEW_RECTANGLES or grid.cell_m > 0.11:
             break
         grid = grid.coarser()
     if len(boxes) > _MOST_RECTANGLES:
-        raise ParameterError(f"what stands in the way takes {len(boxes)} rectangles, at most {_MOST_RECTANGLES}")
-    cell, (x, y) = grid.cell_m, grid.corner_m
-    footprints = [
-        Footprint(
-            f"obstacle-{number}",
-            (x + 0.5 * cell * (left + right), y + 0.5 * cell * (low + high)),
-            (0.5 * cell * (right - left), 0.5 * cell * (high - low)),
-            height_m=HEAD_M,
+        raise ParameterError(
+            f"what stands in the way takes {len(boxes)} rectangles, at most {_MOST_RECTANGLES}: cut a part out of it, "
+            "or take small things away"
         )
-        for number, (low, high, left, right) in enumerate(boxes, start=1)
+    edges = np.array(boxes).reshape(-1, 4)
+    middles = used.xy(edges[:, :2].mean(axis=1), edges[:, 2:].mean(axis=1)).tolist()
+    halves = (0.5 * used.cell_m * np.column_stack([edges[:, 3] - edges[:, 2], edges[:, 1] - edges[:, 0]])).tolist()
+    footprints = [
+        Footprint(f"obstacle-{number}", (x, y), (half_x, half_y), used.yaw_rad, HEAD_M)
+        for number, ((x, y), (half_x, half_y)) in enumerate(zip(middles, halves, strict=True), start=1)
     ]
-    rows, columns = np.nonzero(~grid.blocked & (away_m <= BODY_M))
-    bounds = (
-        x + cell * float(columns.min()),
-        y + cell * float(rows.min()),
-        x + cell * float(columns.max() + 1),
-        y + cell * float(rows.max() + 1),
+    rows, columns = np.nonzero(~used.blocked & (away_m <= BODY_M))
+    corners = np.concatenate([used.xy(rows + down, columns + across) for down in (0, 1) for across in (0, 1)])
+    bounds: list[float] = [*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist()]
+    rows, columns = np.nonzero(goals)
+    spread = _spread(used.xy(rows + 0.5, columns + 0.5)).tolist()
+    return WalkableArea(
+        (bounds[0], bounds[1], bounds[2], bounds[3]),
+        tuple(footprints),
+        tuple((round(x, 3), round(y, 3)) for x, y in spread),
     )
-    spread = _spread(grid.xy(*np.nonzero(goals))).tolist()
-    return WalkableArea(bounds, tuple(footprints), tuple((round(x, 3), round(y, 3)) for x, y in spread))
 
 
 def _ways(grid: Grid) -> tuple[FloatArray, BoolArray]:
@@ -104,7 +140,7 @@ def _ways(grid: Grid) -> tuple[FloatArray, BoolArray]:
     areas[0] = 0.0
     if areas.max() < _LEAST_M2:
         row, column = np.unravel_index(int(away_m.argmax()), away_m.shape)
-        (x, y), room = grid.xy(np.array([row]), np.array([column]))[0], max(2.0 * float(away_m.max()), 0.0)
+        (x, y), room = grid.xy(row + 0.5, column + 0.5)[0], max(2.0 * float(away_m.max()), 0.0)
         raise ParameterError(
             f"there is no room for a person: the widest free place, at {x:.1f}, {y:.1f}, is {room:.1f} m wide, "
             f"and {2.0 * BODY_M:.1f} m are needed, with {_LEAST_M2:g} m2 to move in"

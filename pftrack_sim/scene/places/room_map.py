@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import cv2
@@ -13,7 +12,7 @@ from pftrack_sim.core.calibration import numbers_of, yaml_storage
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.inputs import read_bytes
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import BoolArray
 from pftrack_sim.scenario.model import MapPlace
 from pftrack_sim.scene.places.builder import Item
 from pftrack_sim.scene.places.materials import texture
@@ -23,6 +22,7 @@ from pftrack_sim.scene.places.room import Room
 
 _MOST_BYTES = 1 << 27
 _MOST_WALLS = 8000
+_SPECK = 3
 _TILE_M = 8.0  # Walls in tiles of this size are one body: what is out of view is left out
 
 
@@ -33,8 +33,12 @@ def read_map(place: MapPlace) -> Room:
         ParameterError: The file or its image cannot be read, or there is no room for a person.
     """
     table = asset_table("places/room")
-    grid, walls, yaw_rad = _read(Path(place.model))
-    area = area_of(_upright(grid, yaw_rad))
+    grid, walls = _read(Path(place.model))
+    # Of about 5 cm, where the map is finer.
+    ways = grid
+    while ways.cell_m <= 0.026:
+        ways = ways.coarser()
+    area = area_of(ways)
     tiles: dict[tuple[int, int], list[TexturedMesh]] = {}
     while len(boxes := _visible(walls, grid)) > _MOST_WALLS and walls.cell_m < 0.1:
         grid, walls = grid.coarser(), walls.coarser()
@@ -47,7 +51,7 @@ def read_map(place: MapPlace) -> Room:
         tile = int(centre[0] // _TILE_M), int(centre[1] // _TILE_M)
         tiles.setdefault(tile, []).append(box(texture(table["wall"]), centre, size))
     items = [
-        Item(f"wall-{number}", merged_by_material(translated(rotated(meshes, yaw_rad), x, y)))
+        Item(f"wall-{number}", merged_by_material(translated(rotated(meshes, walls.yaw_rad), x, y)))
         for number, meshes in enumerate(tiles.values(), start=1)
     ]
     west, south, east, north = area.bounds_m
@@ -61,8 +65,8 @@ def read_map(place: MapPlace) -> Room:
     return Room(area, tuple(items), sky=False)
 
 
-def _read(path: Path) -> tuple[Grid, Grid, float]:
-    """Grids of what is not free and of walls, and the angle of both about their corner."""
+def _read(path: Path) -> tuple[Grid, Grid]:
+    """Grids of what is not free and of walls."""
     storage = yaml_storage(path)
     image, mode = storage.getNode("image").string(), storage.getNode("mode").string() or "trinary"
     cell = storage.getNode("resolution").real()
@@ -81,9 +85,17 @@ def _read(path: Path) -> tuple[Grid, Grid, float]:
         storage.getNode(key).real() if not storage.getNode(key).empty() else default
         for key, default in (("occupied_thresh", 0.65), ("free_thresh", 0.25))
     )
+    dark[_specks(dark >= free)] = 0.0
     # Rows of the image count from the top.
-    corner = float(origin[0]), float(origin[1])
-    return Grid(dark[::-1] >= free, corner, cell), Grid(dark[::-1] > occupied, corner, cell), float(origin[2])
+    grid = Grid(dark[::-1] >= free, (float(origin[0]), float(origin[1])), cell, float(origin[2]))
+    return grid, grid._replace(blocked=dark[::-1] > occupied)
+
+
+def _specks(blocked: BoolArray) -> BoolArray:
+    """Cells of the noise of a range finder: parts of at most `_SPECK` cells."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(blocked.astype(np.uint8), connectivity=8)
+    small: BoolArray = np.asarray(stats[:, cv2.CC_STAT_AREA] <= _SPECK)
+    return small[np.asarray(labels, dtype=np.intp)]
 
 
 def _visible(walls: Grid, free: Grid) -> list[tuple[int, int, int, int]]:
@@ -106,26 +118,3 @@ def _pixels(path: Path) -> NDArray[np.float64]:
     if image is None:
         raise ParameterError("the map's image {path.name} cannot be read: no PGM or PNG")
     return np.asarray(image, dtype=np.float64)
-
-
-def _upright(grid: Grid, yaw_rad: float) -> Grid:
-    """The grid along the axes of the world: of about 5 cm, where the map is finer, and with what is outside blocked."""
-    coarse = grid
-    while coarse.cell_m <= 0.026:
-        coarse = coarse.coarser()
-    if yaw_rad == 0.0:
-        return coarse
-    cell, (rows, columns) = coarse.cell_m, coarse.blocked.shape
-    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
-    corners = np.array([(0, 0), (columns, 0), (0, rows), (columns, rows)]) * cell
-    turned = corners @ np.array([[cosine, sine], [-sine, cosine]])
-    low: FloatArray = turned.min(axis=0)
-    width, height = (math.ceil(one / cell) for one in (turned.max(axis=0) - low).tolist())
-    y, x = (np.indices((height, width)) + 0.5) * cell + low[::-1, None, None]
-    column, row = (np.floor(one / cell).astype(int) for one in (cosine * x + sine * y, cosine * y - sine * x))
-    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    # A cell is blocked where one that it may overlap is.
-    thick = cv2.dilate(coarse.blocked.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    blocked = ~inside
-    blocked[inside] = thick[row[inside], column[inside]]
-    return Grid(blocked, (coarse.corner_m[0] + float(low[0]), coarse.corner_m[1] + float(low[1])), cell)
