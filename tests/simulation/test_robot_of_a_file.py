@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 from observing import mujocos_renderer
-from robot_files import EYE, LENS_AT, MJCF, PAN_AT, TILT_AT, URDF, write_mjcf, write_urdf
+from robot_files import EYE, LENS_AT, MJCF, PAN_AT, TILT_AT, URDF, stl, write_mjcf, write_urdf
 
 from pftrack_sim import controllers, policies, scenario
 from pftrack_sim.core import boxes
@@ -255,6 +255,13 @@ def test_a_mesh_of_millions_of_triangles_is_refused_before_it_is_compiled(tmp_pa
     file = write_urdf(tmp_path)
     (file.parent / "meshes" / "body.stl").write_bytes(bytes(84 + 50 * 1_000_000))
     with simulation(file) as own, pytest.raises(ScenarioError, match=r"500,000 triangles .*body-1.stl alone 1,000,000"):
+        own.reset(0)
+
+
+def test_a_flat_mesh_can_be_drawn(tmp_path: Path):
+    file = write_urdf(tmp_path)
+    (file.parent / "meshes" / "body.stl").write_bytes(stl((0.02, 0.02, 0.0)))
+    with simulation(file) as own:
         own.reset(0)
 
 

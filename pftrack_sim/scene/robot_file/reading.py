@@ -139,9 +139,11 @@ def _mesh_bytes(file: Path) -> bytes:
 
 
 def _check_meshes(spec: mujoco.MjSpec, path: Path) -> None:
-    """Count triangles before MuJoCo takes minutes to compile them."""
+    """Count triangles, before MuJoCo takes minutes to compile them."""
     folder, total = Path(spec.modelfiledir) / spec.compiler.meshdir, 0
     for mesh in spec.meshes:
+        # A flat one has no volume to weigh.
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         if not mesh.file:
             continue
         content: bytes | None = spec.assets.get(mesh.file)
