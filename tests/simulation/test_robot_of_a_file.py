@@ -70,6 +70,9 @@ def test_the_camera_is_where_the_joints_of_the_file_put_it(kind: str, tmp_path: 
             np.testing.assert_allclose(pose[:3, 3], lens, atol=1e-5)
             np.testing.assert_allclose(pose[:3, :3], face @ [[0, 0, 1], [-1, 0, 0], [0, -1, 0]], atol=1e-5)
             assert own.settings.camera.height_m == pytest.approx(0.72, abs=1e-6)
+            mount = world.robot.drive.camera_mount(pan, tilt)
+            np.testing.assert_allclose(base @ mount[:3, 3] + (x, y, 0.0), pose[:3, 3], atol=1e-5)
+            np.testing.assert_allclose(base @ mount[:3, :3], pose[:3, :3], atol=1e-5)
 
 
 @pytest.mark.parametrize("kind", WRITERS)
