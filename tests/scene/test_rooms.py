@@ -230,3 +230,9 @@ def test_specks_of_a_map_are_noise(tmp_path: Path):
     image[80:82, 50:52] = 0
     cv2.imwrite(str(tmp_path / "map.pgm"), image)
     assert walkable_area(resolved("map", tmp_path / "map.yaml"), 0) != plain
+
+
+def test_a_place_that_takes_too_many_rectangles_is_refused():
+    blocked = np.random.default_rng(0).random((400, 400)) < 0.004
+    with pytest.raises(PftrackError, match=r"more than 600 rectangles of cells of 0\.2 m: cut a part out of it"):
+        area_of(Grid(np.kron(blocked, np.ones((5, 5))) > 0, (0.0, 0.0), 0.05))

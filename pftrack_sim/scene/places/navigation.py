@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 from typing import NamedTuple, cast
 
 import cv2
@@ -98,19 +99,20 @@ def area_of(grid: Grid) -> WalkableArea:
         tried = [grid, grid.turned(grid.walls_rad())] if abs(grid.walls_rad()) > _ALONG_RAD else [grid]
         ways = [(one, *_ways(one)) for one in tried]
         # What is reached from no side may be covered or not.
+        most = _FEW_RECTANGLES if grid.cell_m < 0.11 else _MOST_RECTANGLES
         covers = [
-            list(rectangles(one.blocked & (away_m < _NEAR_M), one.blocked | (away_m > BODY_M)))
+            list(islice(rectangles(one.blocked & (away_m < _NEAR_M), one.blocked | (away_m > BODY_M)), most + 1))
             for one, away_m, _ in ways
         ]
         (used, away_m, goals), boxes = min(zip(ways, covers, strict=True), key=lambda pair: len(pair[1]))
-        if len(boxes) <= _FEW_RECTANGLES or grid.cell_m > 0.11:
+        if len(boxes) <= most:
             break
+        if most == _MOST_RECTANGLES:
+            raise ParameterError(
+                f"what stands in the way takes more than {most} rectangles of cells of {grid.cell_m:g} m: cut a part "
+                "out of it, or take small things away"
+            )
         grid = grid.coarser()
-    if len(boxes) > _MOST_RECTANGLES:
-        raise ParameterError(
-            f"what stands in the way takes {len(boxes)} rectangles, at most {_MOST_RECTANGLES}: cut a part out of it, "
-            "or take small things away"
-        )
     edges = np.array(boxes).reshape(-1, 4)
     middles = used.xy(edges[:, :2].mean(axis=1), edges[:, 2:].mean(axis=1)).tolist()
     halves = (0.5 * used.cell_m * np.column_stack([edges[:, 3] - edges[:, 2], edges[:, 1] - edges[:, 0]])).tolist()
