@@ -105,12 +105,18 @@ def dae(half: tuple[float, float, float]) -> str:
     unused = [9e3, 9e3, 9e3]
     numbers = " ".join(f"{number:.9g}" for number in [*(1000.0 * turned).ravel(), *unused])
     indices = " ".join(f"{corner} 0" for quad in _QUADS for corner in quad)
+
+    def accessor(source: str, count: int) -> str:
+        names = "".join(f'<param name="{name}" type="float"/>' for name in "XYZ")
+        words = f'<accessor source="#{source}" count="{count}" stride="3">{names}</accessor>'
+        return f"<technique_common>{words}</technique_common>"
+
     return f"""<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
   <asset><unit name="millimeter" meter="0.001"/></asset>
   <library_geometries><geometry id="g"><mesh>
-    <source id="p"><float_array id="a" count="27">{numbers}</float_array></source>
-    <source id="n"><float_array id="b" count="3">0 0 1</float_array></source>
+    <source id="p"><float_array id="a" count="27">{numbers}</float_array>{accessor("a", 9)}</source>
+    <source id="n"><float_array id="b" count="3">0 0 1</float_array>{accessor("b", 1)}</source>
     <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
     <polylist count="6"><input semantic="VERTEX" source="#v" offset="0"/>
       <input semantic="NORMAL" source="#n" offset="1"/>

@@ -7,11 +7,11 @@ from pftrack_sim.scene.robot_file.collada import read_collada
 
 def test_polygons_are_placed_by_the_scene_in_metres():
     vertices, faces = read_collada(dae((0.3, 0.2, 0.1)).encode())
-    np.testing.assert_allclose(vertices.min(axis=0), [-0.3, -0.2, -0.1], atol=1e-9)
-    np.testing.assert_allclose(vertices.max(axis=0), [0.3, 0.2, 0.1], atol=1e-9)
+    np.testing.assert_allclose(vertices.min(axis=0), [-0.3, -0.2, -0.1], atol=1e-6)
+    np.testing.assert_allclose(vertices.max(axis=0), [0.3, 0.2, 0.1], atol=1e-6)
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    assert 0.5 * np.linalg.norm(normals, axis=1).sum() == pytest.approx(8 * (0.06 + 0.03 + 0.02), abs=1e-9)
+    assert 0.5 * np.linalg.norm(normals, axis=1).sum() == pytest.approx(8 * (0.06 + 0.03 + 0.02), abs=1e-6)
     assert (np.einsum("ni,ni->n", normals, corners.mean(axis=1)) > 0.0).all()
 
 

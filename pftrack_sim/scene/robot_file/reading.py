@@ -104,7 +104,9 @@ def _urdf(root: ET.Element, path: Path) -> mujoco.MjSpec:
             if suffix == ".dae":
                 try:
                     vertices, faces = read_collada(content)
-                except (ValueError, KeyError, StopIteration) as error:
+                except ImportError:
+                    raise ParameterError(f"{found}: COLLADA needs the extra: pip install 'pftrack-sim[mesh]'") from None
+                except ValueError as error:
                     raise ParameterError(f"{found}: cannot be read as COLLADA: {error}") from None
                 content = mesh_file(vertices, np.empty((0, 3)), np.empty((0, 2)), faces)
             assets[files[given]] = content
