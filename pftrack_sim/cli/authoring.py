@@ -14,7 +14,7 @@ from pftrack_sim.core.errors import ParameterError, ScenarioError
 
 
 def new(file: Annotated[Path, typer.Argument(help="TOML file to write.")]) -> None:
-    """Write a scenario to start from: every key with its meaning and its default."""
+    """Write a scenario to start from, with every key."""
     from pftrack_sim.scenario.template import template
 
     if file.suffix != ".toml":
@@ -35,9 +35,9 @@ def draw_map(
     out: Annotated[Path | None, typer.Option(help="SVG or PNG to write.")] = None,
     settings: Settings = None,
 ) -> None:
-    """Draw an episode from above, and list what is suspicious; nothing is rendered.
+    """Draw an episode from above, with what is suspicious.
 
-    Ends with 1 where something is suspicious.
+    Nothing is rendered. Ends with 1 where something is suspicious.
     """
     from pftrack_sim import scenario as scenarios
     from pftrack_sim.report.top_view import draw_from_above
