@@ -38,6 +38,7 @@ class LogInfo:
         name: For people: `"plaza-walk seed 3"`.
         speed_limits: `(4,)` what a command of 1 means: forward speed [m/s], turn, pan and tilt rate [rad/s].
         odometry_error: Standard deviation of wheel radii and track in the odometry, as a share of each.
+        imu_errors: Standard deviations of turn rates [rad/s] and accelerations [m/s^2].
     """
 
     name: str
@@ -45,6 +46,7 @@ class LogInfo:
     trackers: tuple[str, ...]
     speed_limits: tuple[float, float, float, float]
     odometry_error: float
+    imu_errors: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,7 +81,7 @@ class Messages:
             found = [] if estimate is None else [_detection(image, "target", estimate.box, estimate.confidence)]
             yield topic, "vision_msgs/Detection2DArray", {"header": image, "detections": found}
         yield "/odom", "nav_msgs/Odometry", _odometry(header("odom"), log.proprio, covariance)
-        yield "/imu", "sensor_msgs/Imu", _imu(header("imu_link"), log.proprio)
+        yield "/imu", "sensor_msgs/Imu", _imu(header("imu_link"), log.proprio, self._info)
         yield "/scan", "sensor_msgs/LaserScan", _scan(header("base_scan"), log.proprio, 1.0 / self._info.rate_hz)
         head: list[float] = [log.proprio[PROPRIO_INDEX[name]] for name in ("pan_rad", "tilt_rad")]
         joints = {"name": ["pan", "tilt"], "position": head, "velocity": [], "effort": []}
@@ -229,20 +229,21 @@ def _odometry(header: Message, proprio: FloatArray, covariance: FloatArray) -> M
     return {"header": header, "child_frame_id": "base_footprint", "pose": _pose(pose, full), "twist": speeds}
 
 
-def _imu(header: Message, proprio: FloatArray) -> Message:
+def _imu(header: Message, proprio: FloatArray, info: LogInfo) -> Message:
     turns, accelerations = (
         _vector([proprio[PROPRIO_INDEX[name.format(axis)]] for axis in "xyz"])
         for name in ("gyro_{}_rad_s", "accelerometer_{}_m_s2")
     )
-    unknown, exact = [-1.0, *[0.0] * 8], (_EXACT * np.eye(3)).ravel().tolist()  # there is no orientation
+    unknown = [-1.0, *[0.0] * 8]  # there is no orientation
+    turning, pushed = ((max(_EXACT, sigma**2) * np.eye(3)).ravel().tolist() for sigma in info.imu_errors)
     return {
         "header": header,
         "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
         "orientation_covariance": unknown,
         "angular_velocity": turns,
-        "angular_velocity_covariance": exact,
+        "angular_velocity_covariance": turning,
         "linear_acceleration": accelerations,
-        "linear_acceleration_covariance": exact,
+        "linear_acceleration_covariance": pushed,
     }
 
 

@@ -136,6 +136,22 @@ class Sills(Section):
     every_m: float = number(4.0, 0.5, 1000, "Mean way from one to the next, within 30 %.")
 
 
+class Sensors(Section):
+    """Errors of the robot's sensors, all 0: exact.
+
+    Data sheets: BMI088 (Bosch), gyroscope 0.014 deg/s and accelerometer 0.0017 m/s^2 over the square root of the
+    bandwidth in Hz, biases within 1 deg/s and 0.2 m/s^2; URG-04LX (Hokuyo), range within 0.03 m up to 1 m, 3 % beyond.
+    """
+
+    gyro_noise_deg_s: float = number(0.0, 0, 100, "Standard deviation of the turn rates, in each frame anew.")
+    gyro_bias_deg_s: float = number(0.0, 0, 100, "Standard deviation of an offset about each axis, once an episode.")
+    accelerometer_noise_m_s2: float = number(0.0, 0, 100, "Standard deviation of the accelerations.")
+    accelerometer_bias_m_s2: float = number(0.0, 0, 100, "Standard deviation of an offset along each axis.")
+    range_noise_m: float = number(0.0, 0, 5, "Standard deviation of the ranges.")
+    range_noise_share: float = number(0.0, 0, 1, "The same as a share of each range; both add up as independent.")
+    range_lost: float = number(0.0, 0, 1, "Share of the beams that return nothing, in each frame others.")
+
+
 class Robot(Section):
     """The robot that carries the camera, ours or that of a file, and its script in open-loop episodes."""
 
@@ -160,6 +176,7 @@ class Robot(Section):
     )
     operator: Operator = Operator()
     sills: Sills = Sills()
+    sensors: Sensors = Sensors()
     max_speed_m_s: Positive = setting(1.6, "Fastest forward speed of the drive.")
     max_turn_deg_s: Positive = setting(90.0, "Fastest turn rate of the drive.")
     max_pan_deg_s: Positive = setting(120.0, "Fastest pan rate of the head.")

@@ -16,6 +16,7 @@ from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.target import places_alone
 from pftrack_sim.agents.robot.drive import Equilibrium
 from pftrack_sim.agents.robot.robot import Robot
+from pftrack_sim.agents.robot.sensors import SensorErrors
 from pftrack_sim.agents.tracked_thing import TrackedThing
 from pftrack_sim.agents.traffic import Traffic
 from pftrack_sim.core import random_streams
@@ -77,6 +78,7 @@ class World:
         rng = random_streams.stream(seed, "lights", "axis")
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
         self._mount_geoms = np.flatnonzero(geoms_drawn(self.model) & np.isin(self.model.geom_bodyid, mount(self.model)))
+        self._sensors = SensorErrors(settings.robot.sensors, seed)
         self._ticks = 0
         self._collision: str | None = None
         self.robot.reset(self.data)
@@ -137,7 +139,7 @@ class World:
 
     def proprio(self) -> NDArray[np.float32]:
         """`(n,)` float32 proprioception of the robot, see `pftrack_sim.core.proprioception`."""
-        return self.robot.drive.proprio(self.data)
+        return self._sensors.added(self.robot.drive.proprio(self.data), self._ticks)
 
     def collision(self) -> str | None:
         """Name of the first person or thing that the robot touched since the previous frame, or None."""

@@ -22,7 +22,7 @@ from pftrack_sim.logs.ros2 import OdometryCovariance
 from tests.benchmark.small import SMALL
 
 RATE_HZ, COUNT = 10.0, 6
-INFO = LogInfo("walk seed 3", RATE_HZ, ("stay", "ko2012[alpha=0.3]"), (1.5, 2.0, 3.0, 1.0), 0.01)
+INFO = LogInfo("walk seed 3", RATE_HZ, ("stay", "ko2012[alpha=0.3]"), (1.5, 2.0, 3.0, 1.0), 0.01, (0.1, 0.0))
 K = np.array([[50.0, 0.0, 24.0], [0.0, 50.0, 16.0], [0.0, 0.0, 1.0]])
 T_CAMERA = np.array([[0.0, 0.0, 1.0, 2.0], [-1.0, 0.0, 0.0, 3.0], [0.0, -1.0, 0.0, 1.2], [0.0, 0.0, 0.0, 1.0]])
 
@@ -149,7 +149,8 @@ def test_messages_hold_the_values_in_ros_conventions(bag: Path, frames: list[Log
         name: proprio[PROPRIO_INDEX[f"{name}_rad"]] for name in ("pan", "tilt")
     }
     assert list(found["/head_velocity_controller/commands"][0].data) == [1.5, -1.0]
-    assert found["/imu"][3].angular_velocity_covariance[0] == 1e-6, "0 would mean unknown"
+    assert found["/imu"][3].angular_velocity_covariance[0] == pytest.approx(0.01)
+    assert found["/imu"][3].linear_acceleration_covariance[0] == 1e-6, "0 would mean unknown"
 
 
 def pose_in(transforms: dict[str, Any], frame: str, root: str) -> np.ndarray:

@@ -218,7 +218,10 @@ def episode_log(path: Path, name: str, settings: ResolvedScenario, runners: Sequ
     turn, pan, tilt = (math.radians(one) for one in (robot.max_turn_deg_s, robot.max_pan_deg_s, robot.max_tilt_deg_s))
     labels = tuple(runner.spec.label for runner in runners)
     limits, error = (robot.max_speed_m_s, turn, pan, tilt), 0.01 * robot.odometry_error_percent
-    info = LogInfo(name, settings.camera.rate_hz, labels, limits, error)
+    own = robot.sensors
+    gyro = math.radians(math.hypot(own.gyro_noise_deg_s, own.gyro_bias_deg_s))
+    imu = (gyro, math.hypot(own.accelerometer_noise_m_s2, own.accelerometer_bias_m_s2))
+    info = LogInfo(name, settings.camera.rate_hz, labels, limits, error, imu)
     form = log_format(path)
     with atomic_write(path) as part, log_writer(form, part, info) as add:
 
