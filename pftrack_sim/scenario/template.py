@@ -23,6 +23,7 @@ _HEAD = """\
 # per seed: {uniform = [1.0, 1.4]}, {integer = [2, 5]} or {choice = [0.4, 0.8]}. `pftrack-sim map` draws it from above.
 """
 _KEY = re.compile(r"""^\s*([\w"'.-]+)\s*=""")
+_FILLED = ("model_digest", "calibrated")  # From the files that other keys name
 _TABLE = re.compile(r"^\s*(\[\[?)\s*([\w\"'. -]+?)\s*\]\]?")
 
 
@@ -35,6 +36,8 @@ def _lines(node: Mapping[str, Any], path: str, given: Mapping[str, Any]) -> Iter
     """Lines of a table: its own values, then the tables in it."""
     below: list[str] = []
     for key, leaf in node["properties"].items():
+        if key in _FILLED:
+            continue
         schema, name, own = json_schema(), f"{path}.{key}".lstrip("."), given.get(key, {})
         found, meaning = resolved_node(leaf, schema, own), " ".join(leaf.get("description", "").split())
         items = resolved_node(found.get("items", {}), schema, {})
