@@ -6,7 +6,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "": ("list scenarios", "bench plaza-walk --trackers ko2012,stay --seeds 0:6 --out runs/first", "report runs/first"),
     "list": ("list scenarios", "list trackers", "list axes"),
     "new": ("new my-own.toml", "new another.toml"),
-    "map": ("map my-own.toml --seed 3 --out map.svg", "map plaza-walk --set target.path=auto --out map.png"),
+    "map": ("map my-own.toml --seed 3 --out map.svg", "map hall --set target.path=auto --out map.png"),
     "render": (
         "render street-night --seed 3 --video night.mp4 --truth",
         "render plaza-walk --trackers ko2012,ncc --param ko2012.particles=true --video look.mp4",
