@@ -51,7 +51,7 @@ def draw_map(
     if out is not None:
         tables.print_folder(draw_from_above(found, f"{loaded.tree['title']}, seed {seed}", out))
     tables.print_lines([_with_line(one, scenario) for one in found.suspicious])
-    tables.print_lines([f"{event.title}" for event in found.events])
+    tables.print_lines([event.title for event in found.events])
     raise typer.Exit(1 if found.suspicious else 0)
 
 

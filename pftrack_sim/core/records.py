@@ -105,9 +105,9 @@ class Truth(_ArrayRecord):
         state: `"visible"`: at least one pixel shows; `"occluded"`: inside the image, but fully occluded;
             `"out_of_view"`: no amodal pixel inside the image.
         occluders: Names of the occluders, sorted by occluded pixels, largest first.
-        distance_m: From the camera to the centre of the pelvis.
+        distance_m: From the camera to the centre of the pelvis, or of a thing.
         T_world_camera: `(4, 4)` camera pose.
-        T_world_target: `(4, 4)` pose of the person: origin on the ground below the pelvis, x forward, z up.
+        T_world_target: `(4, 4)` pose of the person or thing: origin on the ground below that centre, x forward, z up.
         K: `(3, 3)` camera matrix [px].
         distortion: `(5,)` OpenCV k1, k2, p1, p2, k3.
         time_s: Simulated time of the frame since the start of the episode.

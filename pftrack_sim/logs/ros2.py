@@ -80,15 +80,14 @@ class Messages:
             estimate = log.estimates.get(label)
             found = [] if estimate is None else [_detection(image, "target", estimate.box, estimate.confidence)]
             yield topic, "vision_msgs/Detection2DArray", {"header": image, "detections": found}
-        yield "/odom", "nav_msgs/Odometry", _odometry(header("odom"), log.proprio, covariance)
+        yield "/odom", "nav_msgs/Odometry", _odometry(header("odom"), log.proprio, covariance, self._info)
         yield "/imu", "sensor_msgs/Imu", _imu(header("imu_link"), log.proprio, self._info)
         yield "/scan", "sensor_msgs/LaserScan", _scan(header("base_scan"), log.proprio, 1.0 / self._info.rate_hz)
         head: list[float] = [log.proprio[PROPRIO_INDEX[name]] for name in ("pan_rad", "tilt_rad")]
         joints = {"name": ["pan", "tilt"], "position": head, "velocity": [], "effort": []}
         yield "/joint_states", "sensor_msgs/JointState", {"header": header(""), **joints}
         odometry, base = _planar(*log.proprio[:3].tolist()), _planar(*log.robot_pose)
-        mount = log.robot.camera_mount(*head)
-        mount[:3, :3] = mount[:3, :3] @ _OPTICAL.T
+        mount = log.robot.camera_mount(*head) @ np.linalg.inv(_pose_of(_OPTICAL, (0.0, 0.0, 0.0)))
         transforms = [
             _transform(header("map"), "odom", base @ np.linalg.inv(odometry)),
             _transform(header("odom"), "base_footprint", odometry),
@@ -136,11 +135,11 @@ class OdometryCovariance:
         middle = self._pose[2] + 0.5 * turn
         way = dx * math.cos(middle) + dy * math.sin(middle)
         left, right = way - 0.5 * self._track_m * turn, way + 0.5 * self._track_m * turn
-        turning = np.array([-left / self._track_m, right / self._track_m, -turn])
-        swung = self._derivatives[2] + 0.5 * turning
+        heading = np.array([-left / self._track_m, right / self._track_m, -turn])
+        half_way = self._derivatives[2] + 0.5 * heading
         ahead, aside = np.array([math.cos(middle), math.sin(middle)]), np.array([-math.sin(middle), math.cos(middle)])
-        self._derivatives[:2] += np.outer(ahead, [0.5 * left, 0.5 * right, 0.0]) + way * np.outer(aside, swung)
-        self._derivatives[2] += turning
+        self._derivatives[:2] += np.outer(ahead, [0.5 * left, 0.5 * right, 0.0]) + way * np.outer(aside, half_way)
+        self._derivatives[2] += heading
         self._pose = (x_m, y_m, heading_rad)
         return self._error**2 * self._derivatives @ self._derivatives.T + _EXACT * np.eye(3)
 
@@ -182,9 +181,11 @@ def _pose(pose: FloatArray, covariance: FloatArray) -> Message:
     return {"pose": message, "covariance": covariance.ravel().tolist()}
 
 
-def _covariance(x: float, y: float, yaw: float) -> FloatArray:
-    """`(6, 6)` of x, y, z, roll, pitch and yaw, with these variances on the ground."""
-    return np.diag([x, y, *[_UNMEASURED] * 3, yaw])
+def _on_ground(covariance: FloatArray) -> FloatArray:
+    """`(6, 6)` covariance of x, y, z, roll, pitch and yaw from the `(3, 3)` one of x, y and yaw."""
+    full, ground = _UNMEASURED * np.eye(6), [0, 1, 5]
+    full[np.ix_(ground, ground)] = covariance
+    return full
 
 
 def _detection(header: Message, name: str, box: Box, score: float) -> Message:
@@ -218,15 +219,16 @@ def _camera_info(header: Message, truth: Truth, shape: tuple[int, ...]) -> Messa
     }
 
 
-def _odometry(header: Message, proprio: FloatArray, covariance: FloatArray) -> Message:
+def _odometry(header: Message, proprio: FloatArray, covariance: FloatArray, info: LogInfo) -> Message:
     values = {name: float(proprio[index]) for name, index in PROPRIO_INDEX.items()}
     pose = _planar(values["odometry_x_m"], values["odometry_y_m"], values["odometry_heading_rad"])
-    full, ground = _covariance(0.0, 0.0, 0.0), [0, 1, 5]
-    full[np.ix_(ground, ground)] = covariance
     forward = 0.5 * (values["wheel_left_m_s"] + values["wheel_right_m_s"])
     twist = _twist(forward, values["gyro_z_rad_s"])
-    speeds = {"twist": twist, "covariance": _covariance(_EXACT, _EXACT, _EXACT).ravel().tolist()}
-    return {"header": header, "child_frame_id": "base_footprint", "pose": _pose(pose, full), "twist": speeds}
+    # Speed is the mean of two wheels with independent relative errors; the turn rate is the gyroscope's.
+    variances = 0.5 * (info.odometry_error * forward) ** 2, 0.0, info.imu_errors[0] ** 2
+    speeds = {"twist": twist, "covariance": _on_ground(np.diag(np.maximum(variances, _EXACT))).ravel().tolist()}
+    ends = {"pose": _pose(pose, _on_ground(covariance)), "twist": speeds}
+    return {"header": header, "child_frame_id": "base_footprint", **ends}
 
 
 def _imu(header: Message, proprio: FloatArray, info: LogInfo) -> Message:
@@ -235,15 +237,17 @@ def _imu(header: Message, proprio: FloatArray, info: LogInfo) -> Message:
         for name in ("gyro_{}_rad_s", "accelerometer_{}_m_s2")
     )
     unknown = [-1.0, *[0.0] * 8]  # there is no orientation
-    turning, pushed = ((max(_EXACT, sigma**2) * np.eye(3)).ravel().tolist() for sigma in info.imu_errors)
+    gyro_covariance, accelerometer_covariance = (
+        (max(_EXACT, sigma**2) * np.eye(3)).ravel().tolist() for sigma in info.imu_errors
+    )
     return {
         "header": header,
         "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
         "orientation_covariance": unknown,
         "angular_velocity": turns,
-        "angular_velocity_covariance": turning,
+        "angular_velocity_covariance": gyro_covariance,
         "linear_acceleration": accelerations,
-        "linear_acceleration_covariance": pushed,
+        "linear_acceleration_covariance": accelerometer_covariance,
     }
 
 

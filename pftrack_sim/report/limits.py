@@ -222,7 +222,8 @@ def _frontiers(limits: Sequence[Limit]) -> list[dict[str, Any]]:
             for tracker in dict.fromkeys(one.tracker for one in own)
         }
         most = [
-            1.05 * max((end[k] for ends in points.values() for one in ends for end in one), default=1.0)
+            # 1 where no point has a share of the axis, so that a plot of the other one alone has a scale, too.
+            1.05 * max((end[k] for ends in points.values() for one in ends for end in one), default=0.0) or 1.0
             for k in range(2)
         ]
 

@@ -150,6 +150,10 @@ def test_messages_hold_the_values_in_ros_conventions(bag: Path, frames: list[Log
     }
     assert list(found["/head_velocity_controller/commands"][0].data) == [1.5, -1.0]
     assert found["/imu"][3].angular_velocity_covariance[0] == pytest.approx(0.01)
+    speeds = np.array(odometry.twist.covariance).reshape(6, 6)
+    assert speeds[5, 5] == pytest.approx(0.01), "the turn rate is the gyroscope's"
+    assert speeds[0, 0] == pytest.approx(max(0.5 * (0.01 * odometry.twist.twist.linear.x) ** 2, 1e-6))
+    assert np.diag(np.array(odometry.pose.covariance).reshape(6, 6))[2] == 1e6, "z is not measured"
     assert found["/imu"][3].linear_acceleration_covariance[0] == 1e-6, "0 would mean unknown"
 
 

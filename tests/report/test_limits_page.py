@@ -151,3 +151,6 @@ def test_the_page_shows_curves_and_the_episodes_next_to_a_limit(tmp_path: Path):
     assert points[-1][0] == 0.0, "the second alone"
     angles = [math.atan2(220.0 - y, x) for x, y in points]
     assert angles == sorted(angles)
+    open_ = [one.model_copy(update={"breaking_point": None, "low": None, "high": None}) for one in both]
+    text = write_limits_page(tmp_path / "run", found.model_copy(update={"limits": (FOUND, *open_)})).read_text()
+    assert "Where one costs the other" in text, "one axis alone has a place in it, too"

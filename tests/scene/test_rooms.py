@@ -135,6 +135,12 @@ def test_a_missing_file_is_named(tmp_path: Path, kind: str):
             {},
             r"image none\.pgm cannot be read: No such",
         ),
+        (
+            "map",
+            lambda folder: write_map(folder, image="map.yaml"),
+            {},
+            r"image map\.yaml cannot be read: no PGM or PNG",
+        ),
         ("map", lambda folder: write_map(folder, resolution=1.9), {}, "the map is 418 m long, at most 250 m"),
         (
             "mesh",

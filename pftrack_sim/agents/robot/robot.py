@@ -120,7 +120,8 @@ class Robot:
         if command is None:
             forward, turn = self.script.drive(state.time_s, state.robot_pose, crowd.target_s_m)
             pan, tilt = self.script.gaze(state.T_world_camera, crowd.tracked_m, dt_s, state.time_s)
-            pan *= not (self.drive.turns_with_head and self.script.drives)
+            if self.drive.turns_with_head and self.script.drives:
+                pan = 0.0  # The base turns along its route.
             speeds = (forward, turn, pan, tilt)
         else:
             speeds = self.drive.scaled(command)

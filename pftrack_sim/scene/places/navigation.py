@@ -1,4 +1,4 @@
-"""Where people and robot may go in a room from a file: a grid of cells, merged into the rectangles of its area."""
+"""Occupancy grid of a room from a file, and the walkable area whose footprints cover its occupied cells."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ _ALONG_RAD = math.radians(0.5)  # Walls at a smaller angle to the rows are along
 
 
 class Grid(NamedTuple):
-    """Cells on the ground.
+    """Occupancy grid on the ground.
 
     Attributes:
-        blocked: `(rows, columns)` cells that nobody can stand in.
-        corner_m: x, y of the outer corner of the first.
+        blocked: `(rows, columns)` whether a cell is occupied.
+        corner_m: x, y of the outer corner of the first cell.
         cell_m: Their size.
         yaw_rad: Angle of the rows to the world's x.
     """
@@ -133,7 +133,7 @@ def area_of(grid: Grid) -> WalkableArea:
 
 
 def _ways(grid: Grid) -> tuple[FloatArray, BoolArray]:
-    """Distance of each cell from the middles of people [m], and cells of goals, in the largest connected place."""
+    """Distance of each cell to the free configuration space of a person [m], and cells of goals in its largest part."""
     free = np.pad(~grid.blocked, 1).astype(np.uint8)
     away_m = grid.cell_m * (cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1] - 0.5)
     middles = (away_m >= BODY_M).astype(np.uint8)

@@ -116,5 +116,5 @@ def _pixels(path: Path) -> NDArray[np.float64]:
             f"the map's image {path.name} cannot be read: {getattr(error, 'strerror', error)}"
         ) from None
     if image is None:
-        raise ParameterError("the map's image {path.name} cannot be read: no PGM or PNG")
+        raise ParameterError(f"the map's image {path.name} cannot be read: no PGM or PNG")
     return np.asarray(image, dtype=np.float64)

@@ -29,7 +29,7 @@ from pftrack_sim.scene.robot_file.roles import (
     locate_camera,
     named_hinge,
     read_hinge,
-    strike_pose,
+    set_pose,
 )
 from pftrack_sim.scene.scene_spec import SceneSpec, mesh_file
 
@@ -89,7 +89,7 @@ def fit(roles: Roles) -> FittedRobot:
     """
     compiled, data = compile_file(roles.model)
     model: Any = compiled
-    strike_pose(model, data, roles.pose_deg)
+    set_pose(model, data, roles.pose_deg)
     camera, pose = locate_camera(model, data, roles.camera_site)
     turning = hinges_of(model)
     moving = [joint for body in ancestors(model, camera) for joint in turning if model.jnt_bodyid[joint] == body]

@@ -146,7 +146,7 @@ def named_hinge(model: Any, key: str, name: str, known: Sequence[int]) -> int:
     return joint
 
 
-def strike_pose(model: Any, data: mujoco.MjData, pose_deg: Iterable[tuple[str, float]]) -> None:
+def set_pose(model: Any, data: mujoco.MjData, pose_deg: Iterable[tuple[str, float]]) -> None:
     """Turn hinges to angles by their names.
 
     Raises:
