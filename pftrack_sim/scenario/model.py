@@ -194,9 +194,9 @@ LightChange: TypeAlias = Annotated[LightStep | LightRamp, Field(discriminator="k
 class Lights(Section):
     """Sun, sky and lamps of the place, and how they change."""
 
-    shadows: bool = setting(True, "Whether the main light casts shadows.")
-    shadow_pixels: int = number(
-        1024, 16, 8192, "Width of the map of shadows; their edges are as soft as one of its pixels is wide."
+    shadows: bool = setting(True, "Whether the sun casts shadows; lamps cast none.")
+    shadow_pixels: int | None = number(
+        None, 16, 8192, "Width of the map of shadows; their edges are as soft as one of its pixels. Else the image's."
     )
     shadow_reach_m: float = number(
         14.0, 2, 200, "Half the width of the ground before the camera on which the sun casts shadows."

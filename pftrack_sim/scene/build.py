@@ -52,9 +52,9 @@ def build_stage(
         The spec, which `add_agents` completes, and the walkable area.
     """
     spec = _empty(step_s, draws=draws)
-    _set_graphics(spec, settings)
     _add_contact(spec)
     layout = _add_place(spec, settings, seed, seats)
+    _set_graphics(spec, settings)
     add_robot(spec, RobotForm.of(settings.robot, settings.camera))
     return spec, layout
 
@@ -146,13 +146,15 @@ def _walkers(settings: ResolvedScenario) -> tuple[Occluder, ...]:
 
 
 def _set_graphics(spec: mujoco.MjSpec, settings: ResolvedScenario) -> None:
+    """Set how a place that stands is drawn."""
     # Distances of the clipping planes are in units of the extent.
     spec.stat.extent = 1.0
     spec.visual.map.znear = NEAR_M
     spec.visual.map.zfar = FAR_M
     quality = spec.visual.quality
     quality.offsamples = settings.sensor.multisamples
-    quality.shadowsize = settings.lights.shadow_pixels if settings.lights.shadows else 0
+    casts = any(light.castshadow for light in spec.lights)
+    quality.shadowsize = (settings.lights.shadow_pixels or settings.camera.width_px) if casts else 0
     # MuJoCo multiplies it by the extent.
     spec.visual.map.shadowclip = settings.lights.shadow_reach_m
     # Software rasterisers pay for every vertex.

@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import pairwise
-from typing import get_args
+from typing import Any, get_args
 
 import mujoco
 import numpy as np
@@ -259,13 +259,14 @@ def test_number_of_lights_and_shadows(kind: str) -> None:
     names = [model.light(index).name for index in range(model.nlight)]
     assert all(name.startswith("light/") for name in names)
     assert 1 <= model.nlight <= 7, "OpenGL has eight, and the headlight is one of them"
-    assert int(model.light_castshadow.sum()) == 1
+    by_day = kind in ("plaza", "street-day", "park")
+    assert int(model.light_castshadow.sum()) == int(by_day), "lamps cast no shadows"
     assert int(built_place(kind, shadows=False)[0].light_castshadow.sum()) == 0
     head = model.vis.headlight
     assert head.diffuse.max() == 0.0
     assert head.ambient.min() > 0.0
     assert head.ambient.max() < 0.7
-    assert ("light/sun" in names) == (kind in ("plaza", "street-day", "park"))
+    assert ("light/sun" in names) == by_day
 
 
 def test_sun_direction_follows_the_scenario() -> None:
@@ -277,8 +278,19 @@ def test_sun_direction_follows_the_scenario() -> None:
     np.testing.assert_allclose(towards_sun, [0.0, np.cos(np.pi / 6), 0.5], rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("shadows", [True, False])
-def test_a_place_without_shadows_has_no_shadow_map(shadows: bool) -> None:
-    settings = scenario.load("corridor", {"lights.shadows": shadows}).resolve(0)
-    spec, _ = build_stage(settings, 0, 0.002)
-    assert (spec.visual.quality.shadowsize > 0) == shadows
+@pytest.mark.parametrize(
+    ("changes", "pixels"),
+    [
+        ({}, 320),
+        ({"camera.width_px": 84}, 84),
+        ({"lights.shadow_pixels": 512}, 512),
+        ({"lights.shadows": False}, 0),
+        ({"lights.patches": 0.0}, 0),
+    ],
+)
+def test_the_map_of_shadows_is_as_wide_as_the_image_and_absent_where_nothing_casts_one(
+    changes: dict[str, Any], pixels: int
+) -> None:
+    lit = {"lights.patches": 0.4, "camera.width_px": 320, **changes}
+    spec, _ = build_stage(scenario.load("corridor", lit).resolve(0), 0, 0.002)
+    assert spec.visual.quality.shadowsize == pixels

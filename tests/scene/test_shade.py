@@ -51,11 +51,11 @@ def place_model(kind: str, patches: float, seed: int = 0) -> mujoco.MjModel:
     return spec.compile()
 
 
-@pytest.mark.parametrize("kind", ["plaza", "corridor", "street"])
-def test_patches_add_no_light_source_and_differ_by_seed(kind: str) -> None:
+@pytest.mark.parametrize(("kind", "casts"), [("plaza", 1), ("corridor", 1), ("street", 0)])
+def test_patches_add_no_light_source_and_differ_by_seed(kind: str, casts: int) -> None:
     even, patchy, other = place_model(kind, 0.0), place_model(kind, 0.5), place_model(kind, 0.5, seed=1)
     assert even.nlight == patchy.nlight
-    assert int(even.light_castshadow.sum()) == int(patchy.light_castshadow.sum()) == 1
+    assert int(patchy.light_castshadow.sum()) == casts
     differ = patchy.mesh_vert.shape != other.mesh_vert.shape or (patchy.light_diffuse != other.light_diffuse).any()
     assert differ or (patchy.mesh_vert != other.mesh_vert).any()
 

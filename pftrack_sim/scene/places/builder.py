@@ -28,6 +28,7 @@ from pftrack_sim.scene.scene_spec import SceneSpec, add_box
 
 _LEAST_WINDOW_SUN_DEG = 40.0  # A lower sun would meet the walls, not the floor
 _FOLIAGE_M = 7.0  # Height of the foliage that is not seen and casts shadows
+_DISTANT = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
 
 Collider: TypeAlias = tuple[float, float, float]
 """Half width along x, half width along y, height [m] of a box that stands on the ground."""
@@ -111,7 +112,7 @@ class PlaceBuilder:
     def add_daylight(self, sun: ArrayLike, sky: ArrayLike) -> None:
         """Add sun, partly behind the foliage of trees over the area, and sky, by their colours."""
         lights, direction = self.lights, sun_direction(self.lights)
-        self._add_main_light("sun", direction, sun)
+        self._add_light("sun", _DISTANT, direction, sun, casts_shadow=lights.shadows)
         if lights.patches:
             crowns = foliage(self.bounds, lights.patches, lights.patch_m, _FOLIAGE_M, self.patch_rng)
             if len(crowns.faces):
@@ -127,26 +128,17 @@ class PlaceBuilder:
         """
         lights = self.lights
         if not lights.patches:
-            self._add_main_light("lamp-above", direction, lamps)
+            self._add_light("lamp-above", _DISTANT, direction, lamps)
             return
         elevation_deg = max(lights.sun_elevation_deg, _LEAST_WINDOW_SUN_DEG)
         above = sun_direction(lights.model_copy(update={"sun_elevation_deg": elevation_deg}))
         roof = roof_with_windows(self.bounds, lights.patches, lights.patch_m, height, self.patch_rng)
         self.add(Item("windowed-roof", (roof,)))
-        self._add_main_light("lamp-above", above, sun)
-
-    def _add_main_light(self, name: str, direction: ArrayLike, diffuse: ArrayLike) -> None:
-        """Add the directional light that casts the shadows of the place; it travels in `direction` `(3,)`."""
-        unit = np.asarray(direction, dtype=np.float64)
-        unit = unit / np.linalg.norm(unit)
-        light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, unit, diffuse, self.lights.shadows)
-        light.pos = -40.0 * unit
+        self._add_light("lamp-above", _DISTANT, above, sun, casts_shadow=lights.shadows)
 
     def add_fill(self, name: str, direction: ArrayLike, rgb: ArrayLike, patches_take: float = 0.0) -> None:
         """Add a weak directional light without shadows: light from the sky or reflected by walls."""
-        colour = self._shaded(rgb, patches_take)
-        light = self._add_light(name, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, direction, colour, False)
-        light.pos = [0.0, 0.0, 8.0]
+        self._add_light(name, _DISTANT, direction, self._shaded(rgb, patches_take))
 
     def add_lamps(
         self,
@@ -155,15 +147,14 @@ class PlaceBuilder:
         cutoff_deg: float,
         attenuation: Sequence[float],
         exponent: float,
-        shadow_of: int | None = None,
         other_rgb: ArrayLike | None = None,
     ) -> None:
         """Add spotlights `lamp-1`.. that shine straight down.
 
         `rgb` is the colour on the axis at distance 0, `cutoff_deg` half the angle of the cone, `attenuation` `(3,)`
-        constant, linear and quadratic, and `exponent` that of the cosine fall-off towards the edge of the cone. The
-        lamp `shadow_of` casts the shadows of the place. Where the light has patches, lamps with an `other_rgb` light
-        smaller pools, differ in brightness, and every other one turns to that colour.
+        constant, linear and quadratic, and `exponent` that of the cosine fall-off towards the edge of the cone. Where
+        the light has patches, lamps with an `other_rgb` light smaller pools, differ in brightness, and every other one
+        turns to that colour. Lamps cast no shadows: the ground is darker below what stands on it.
         """
         colours, patches = np.tile(np.asarray(rgb, dtype=np.float64), (len(at), 1)), self.lights.patches
         if other_rgb is not None:
@@ -173,12 +164,9 @@ class PlaceBuilder:
             exponent *= 1.0 + 2.0 * patches
         down, spot = (0.0, 0.0, -1.0), mujoco.mjtLightType.mjLIGHT_SPOT
         for index, position in enumerate(at):
-            shadow = index == shadow_of and self.lights.shadows
-            light = self._add_light(f"lamp-{index + 1}", spot, down, colours[index], shadow)
+            light = self._add_light(f"lamp-{index + 1}", spot, down, colours[index])
             light.pos, light.attenuation = list(position), list(attenuation)
             light.cutoff, light.exponent = cutoff_deg, exponent
-        if shadow_of is not None:
-            self.spec.visual.map.shadowscale = 1.0
 
     def _shaded(self, rgb: ArrayLike, patches_take: float) -> FloatArray:
         """A colour less the share that patches take from it."""
@@ -213,11 +201,12 @@ class PlaceBuilder:
         geom.castshadow = casts_shadow
 
     def _add_light(
-        self, name: str, kind: mujoco.mjtLightType, direction: ArrayLike, diffuse: ArrayLike, casts_shadow: bool
+        self, name: str, kind: mujoco.mjtLightType, direction: ArrayLike, rgb: ArrayLike, *, casts_shadow: bool = False
     ) -> mujoco.MjsLight:
+        """Add a light that travels in `direction` `(3,)`."""
         light = self.spec.worldbody.add_light(name=f"light/{name}", type=kind)
         light.dir = np.asarray(direction, dtype=np.float64)
-        light.diffuse = np.asarray(diffuse, dtype=np.float64)
+        light.diffuse = np.asarray(rgb, dtype=np.float64)
         light.ambient = [0.0, 0.0, 0.0]
         light.specular = 0.1 * light.diffuse
         light.castshadow = casts_shadow
