@@ -27,45 +27,45 @@ from pftrack_sim.scene.places.meshes import (
     tufts,
 )
 
-_TUFTS = 48  # On the largest ellipsoid of a crown
+_TUFTS, _TUFT = 9, 0.2  # Tufts on a lobe of a crown, and their size in shares of its half axis
+_GOLDEN_RAD = np.pi * (3.0 - np.sqrt(5.0))
 
 
 def tree(
-    rng: np.random.Generator, height: float, leaves: str = "leaves-dark", lobes: int = 3, pit: bool = True
+    rng: np.random.Generator, height: float, leaves: str = "leaves-dark", lobes: int = 11, pit: bool = True
 ) -> Prop:
-    """A tree whose crown is a large ellipsoid of leaves with `lobes` smaller ones around it.
+    """A tree whose crown is an ellipsoid of leaves with `lobes` smaller ones all around it.
 
     By default it is a street tree in a `pit` with a stone rim.
     """
-    stone, bark, spread = texture("stone"), texture("bark"), 0.27 * height
-    crown = [(0.0, 0.0, 0.68 * height, 1.0)]
-    start = rng.uniform(0.0, 2.0 * np.pi)
-    for k in range(lobes):
-        angle = start + 2.0 * np.pi * k / lobes
-        crown.append((0.55 * spread * np.cos(angle), 0.55 * spread * np.sin(angle), 0.56 * height, 0.72))
+    stone, bark = texture("stone"), texture("bark")
     planted = (
         *(box(stone, (0, s * 0.62, 0.06), (1.36, 0.12, 0.12)) for s in (-1, 1)),
         *(box(stone, (s * 0.62, 0, 0.06), (0.12, 1.12, 0.12)) for s in (-1, 1)),
         quad(texture("soil"), (-0.56, -0.56, 0.05), (1.12, 0, 0), (0, 1.12, 0)),
     )
+    (own,) = rng.spawn(1)  # What else stands in the place does not depend on the number of leaves
     return (
         *(planted if pit else ()),
         cylinder(bark, (0, 0, 0), 0.024 * height + 0.03, 0.62 * height, 8, 0.012 * height),
         cylinder(bark, (0, 0, 0.36 * height), 0.05, 0.2, 6),
-        *_crown(texture(leaves), spread, crown, rng),
+        *_crown(texture(leaves), 0.66 * height, 0.27 * height * np.array([1.0, 1.0, 0.95]), lobes, own),
     )
 
 
-def _crown(
-    leaves: Texture, spread: float, crown: Sequence[tuple[float, float, float, float]], rng: np.random.Generator
-) -> Prop:
-    """Ellipsoids of leaves by middles x, y, z [m] and sizes in shares of `spread`."""
-    meshes: list[TexturedMesh] = []
-    (own,) = rng.spawn(1)  # What else stands in the place does not depend on the number of leaves
-    for x, y, z, size in crown:
-        radii = size * spread * np.array([1.0, 1.0, 0.85])
-        meshes.append(rough_ellipsoid(leaves, (x, y, z), 0.9 * radii, rng, 0.08))
-        meshes.append(tufts(leaves, (x, y, z), radii, own, round(_TUFTS * size**2), 0.36 * spread))
+def _crown(leaves: Texture, z: float, radii: FloatArray, lobes: int, rng: np.random.Generator) -> Prop:
+    """Leaves around the height `z` [m] in an ellipsoid of half axes `radii` `(3,)` [m]."""
+    meshes = [rough_ellipsoid(leaves, (0.0, 0.0, z), 0.72 * radii, rng, 0.05, 8)]
+    # Equally far from each other: a spiral from bottom to top, turned at random.
+    up = np.linspace(-0.82, 0.95, lobes)
+    turn = rng.uniform(0.0, 2.0 * np.pi) + _GOLDEN_RAD * np.arange(lobes)
+    level = np.sqrt(1.0 - up**2)
+    outward = np.column_stack([level * np.cos(turn), level * np.sin(turn), up])
+    for direction in outward:
+        size = rng.uniform(0.36, 0.52)
+        centre = np.array([0.0, 0.0, z]) + (1.0 - 0.8 * size) * direction * radii
+        meshes.append(rough_ellipsoid(leaves, centre, size * radii, rng, 0.12, 6))
+        meshes.append(tufts(leaves, centre, size * radii, rng, _TUFTS, _TUFT * float(radii[0])))
     return tuple(meshes)
 
 
