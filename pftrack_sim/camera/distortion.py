@@ -3,11 +3,15 @@
 The Brown-Conrady model as in OpenCV (Brown, "Decentering distortion of lenses", Photogrammetric Engineering 32, 1966):
 with normalized coordinates x, y and r^2 = x^2 + y^2,
 
-    x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
-    y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
+    x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
+    y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
 
 The polynomial is valid where it was fitted, on the image. Farther out it may fold back, and objects far beside the view
 would appear in the image. Beyond 1.1 times the radius of the image corners it is therefore continued linearly.
+
+The equidistant model as in `cv2.fisheye` (Kannala and Brandt, "A generic camera model and calibration method for
+conventional, wide-angle, and fish-eye lenses", IEEE PAMI 28(8), 2006): a ray at the angle t from the axis falls at
+t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8) focal lengths from the principal point, up to where that no longer rises.
 """
 
 from __future__ import annotations
@@ -25,6 +29,9 @@ from pftrack_sim.core.types import FloatArray
 
 _VALID_RADII = 1.1  # The polynomial is used up to this multiple of the radius of the farthest corner
 _LEAST_SCALE = 0.05  # Local magnification relative to the image centre below which a lens counts as folding
+_WIDEST_DEG = 80.0  # Angle from the axis up to which one pinhole image holds what a pixel sees
+_EQUIDISTANT = ("k1", "k2", "k3", "k4")
+_ANGLES = np.linspace(0.0, 0.5 * np.pi, 1801)
 
 _INVERSION_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
 
@@ -37,21 +44,27 @@ class Lens:
 
     Args:
         K: `(3, 3)` camera matrix [px].
-        coefficients: k1, k2, p1, p2, k3 as in OpenCV.
+        coefficients: OpenCV's k1, k2, p1, p2, k3, and k4, k5, k6 of a rational polynomial; four numbers are k1 to k4 of
+            an equidistant lens (`cv2.fisheye`).
         size: Width and height of the image [px].
 
     Raises:
-        ParameterError: Coefficients that are not five finite numbers, or a lens that is not invertible over the image.
+        ParameterError: Coefficients of another number or not finite, or a lens that is not invertible over the image or
+            sees more than 80 degrees off its axis.
     """
 
     def __init__(self, K: ArrayLike, coefficients: Sequence[float], size: tuple[int, int]) -> None:
         self.size = size
         self.K = camera_matrix(np.asarray(K), *size)
         self.coefficients = np.array(coefficients, dtype=np.float64)
-        if self.coefficients.shape != (5,) or not np.isfinite(self.coefficients).all():
-            raise ParameterError(f"distortion needs five finite numbers k1, k2, p1, p2, k3, got {list(coefficients)}")
-        self.distorts = bool(self.coefficients.any())
-        self._valid_radius = np.inf
+        if self.coefficients.shape not in ((4,), (5,), (8,)) or not np.isfinite(self.coefficients).all():
+            raise ParameterError(
+                "distortion needs five finite numbers k1, k2, p1, p2, k3, eight with k4, k5, k6, or the four of an "
+                f"equidistant lens, got {list(coefficients)}"
+            )
+        self.equidistant = len(self.coefficients) == 4
+        self.distorts = distorts(self.coefficients)
+        self._valid_radius = self._risen_angle() if self.equidistant else np.inf
         if self.distorts:
             self._valid_radius = self._checked_radius()
 
@@ -63,7 +76,8 @@ class Lens:
     @property
     def numbers(self) -> LensNumbers:
         """All numbers of the lens, for kernels."""
-        return *focal_and_centre(self.K), *self.coefficients.tolist(), self._valid_radius
+        coefficients = np.append(self.coefficients, np.zeros(8 - len(self.coefficients))).tolist()
+        return *focal_and_centre(self.K), *coefficients, self._valid_radius, float(self.equidistant)
 
     def to_normalized(self, pixels: ArrayLike) -> FloatArray:
         """`(..., 2)` normalized image coordinates of `(..., 2)` pixels in the image or just beside it."""
@@ -72,14 +86,23 @@ class Lens:
         if not self.distorts:
             return (given - (cx, cy)) / (fx, fy)
         flat = np.ascontiguousarray(given.reshape(-1, 1, 2))
-        undistorted = cv2.undistortPoints(flat, self.K, self.coefficients, criteria=_INVERSION_CRITERIA)
+        undistort = cv2.fisheye.undistortPoints if self.equidistant else cv2.undistortPoints
+        undistorted = undistort(flat, self.K, self.coefficients, criteria=_INVERSION_CRITERIA)
         return np.asarray(undistorted, dtype=np.float64).reshape(given.shape)
+
+    def _risen_angle(self) -> float:
+        """Angle from the axis up to which the image height of an equidistant lens rises, at most a right one [rad]."""
+        powers = _ANGLES[:, None] ** (2, 4, 6, 8)
+        falls = 1.0 + powers @ (self.coefficients * (3, 5, 7, 9)) < _LEAST_SCALE
+        return float(_ANGLES[np.argmax(falls) if falls.any() else -1])
 
     def _checked_radius(self) -> float:
         """Radius up to which the polynomial is used; raises `ParameterError` where it is not invertible up to there."""
         width, height = self.size
+        names = _EQUIDISTANT if self.equidistant else ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
         not_invertible = ParameterError(
-            f"the lens k1, k2, p1, p2, k3 = {[round(float(k), 6) for k in self.coefficients]} is not invertible "
+            f"the lens {', '.join(names[: len(self.coefficients)])} = "
+            f"{[round(float(k), 6) for k in self.coefficients]} is not invertible "
             f"over the {width} x {height} image; weaken it, or narrow the field of view"
         )
         columns, rows = np.meshgrid(np.linspace(0.0, width, 33), np.linspace(0.0, height, 25))
@@ -87,9 +110,18 @@ class Lens:
         normalized = self.to_normalized(pixels)
         if not np.isfinite(normalized).all():
             raise not_invertible
+        radii = np.sqrt((normalized**2).sum(axis=-1))
+        widest_deg = float(np.rad2deg(np.arctan(radii.max())))
+        if self.equidistant and widest_deg > _WIDEST_DEG and self._valid_radius > np.deg2rad(_WIDEST_DEG):
+            raise ParameterError(
+                f"the equidistant lens sees {widest_deg:.0f} degrees off its axis in a corner of the {width} x "
+                f"{height} image; the limit is {_WIDEST_DEG:.0f}: crop the image, or take a larger focal length"
+            )
         if not np.abs(self.to_pixels(normalized) - pixels).max() < _ROUND_TRIP_PX:
             raise not_invertible
-        radius = _VALID_RADII * float(np.sqrt((normalized**2).sum(axis=-1)).max())
+        if self.equidistant:
+            return self._valid_radius
+        radius = _VALID_RADII * float(radii.max())
         # The Jacobian keeps its sign from the centre to the radius.
         angles, radii = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 48), np.linspace(1e-3, radius, 64))
         disc = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1)
@@ -98,3 +130,8 @@ class Lens:
         if not (dx[..., 0] * dy[..., 1] - dx[..., 1] * dy[..., 0]).min() > _LEAST_SCALE**2:
             raise not_invertible
         return radius
+
+
+def distorts(coefficients: ArrayLike) -> bool:
+    """Whether a lens of these coefficients is none of a pinhole."""
+    return len(np.atleast_1d(coefficients)) == 4 or bool(np.any(coefficients))

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from pftrack_sim.core.compiled import kernel, part_of_kernel
 from pftrack_sim.core.types import FloatArray, IntArray
 
-LensNumbers: TypeAlias = tuple[float, float, float, float, float, float, float, float, float, float]
-"""fx, fy, cx, cy [px], k1, k2, p1, p2, k3, and the radius up to which the polynomial is used."""
+LensNumbers: TypeAlias = tuple[float, ...]
+"""14: fx, fy, cx, cy [px]; k1, k2, p1, p2, k3, k4, k5, k6, or k1 to k4 of an equidistant lens and zeros; radius up to
+which the polynomial is used, of an equidistant lens the angle [rad]; and 1 for an equidistant one, else 0."""
 
 _STEP = 1e-6  # Relative step of the derivative along a ray
 _ROW_TOLERANCE_PX, _MOST_STEPS = 1e-3, 32
@@ -236,7 +237,9 @@ def _along(poses: FloatArray, index: int, axis: int, geom: int, x: float, y: flo
 def _project(x: float, y: float, lens: LensNumbers) -> tuple[float, float]:
     """Pixel of a ray; beyond the radius of the lens it moves on along its tangent."""
     fx, fy, cx, cy = lens[:4]
-    radius = lens[9]
+    if lens[13] > 0.0:
+        return _project_equidistant(x, y, lens)
+    radius = lens[12]
     beyond = max(1.0, math.sqrt(x * x + y * y) / radius)
     inside_x, inside_y = x / beyond, y / beyond
     across, down = _distort(inside_x, inside_y, lens)
@@ -249,10 +252,25 @@ def _project(x: float, y: float, lens: LensNumbers) -> tuple[float, float]:
 
 
 @part_of_kernel
+def _project_equidistant(x: float, y: float, lens: LensNumbers) -> tuple[float, float]:
+    """Pixel of a ray through a lens whose image height is a polynomial of the angle; beyond its limit it is linear."""
+    fx, fy, cx, cy, k1, k2, k3, k4 = lens[:8]
+    radius = math.sqrt(x * x + y * y)
+    angle = math.atan(radius)
+    inside = min(angle, lens[12])
+    square = inside * inside
+    height = inside * (1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
+    slope = 1.0 + square * (3.0 * k1 + square * (5.0 * k2 + square * (7.0 * k3 + square * 9.0 * k4)))
+    scale = (height + slope * (angle - inside)) / radius if radius > 0.0 else 1.0
+    return scale * x * fx + cx, scale * y * fy + cy
+
+
+@part_of_kernel
 def _distort(x: float, y: float, lens: LensNumbers) -> tuple[float, float]:
-    """Brown and Conrady's polynomial of normalized coordinates."""
-    k1, k2, p1, p2, k3 = lens[4:9]
+    """Brown and Conrady's polynomial of normalized coordinates, or the quotient of two."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = lens[4:12]
     square = x * x + y * y
     radial = 1.0 + square * (k1 + square * (k2 + square * k3))
+    radial /= 1.0 + square * (k4 + square * (k5 + square * k6))
     across = x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x)
     return across, y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y

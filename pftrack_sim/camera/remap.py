@@ -5,7 +5,7 @@ sees the same light elsewhere on the image plane (Hartley and Zisserman, Multipl
 the homography K R K'). Lens distortion and camera rotation during readout are therefore one map from pixels of the
 camera image to places on the rendered image, which is resampled once.
 
-The map is smooth: it is computed on every fourth or eighth pixel and interpolated, which is exact within 0.03 px.
+The map is smooth: it is computed on every second to eighth pixel and interpolated, which is exact within 0.03 px.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ PixelMap: TypeAlias = NDArray[np.float32]
 
 Radiance: TypeAlias = NDArray[np.unsignedinteger[Any]]  # Display-coded with 8 bits, or linear with 16 bits
 _LOWEST_EYE_M = 0.1  # Camera height below which no ground is assumed to be in view
-_DISTORTED_CELL_PX, _STRAIGHT_CELL_PX = 4, 8  # Grid spacing with and without lens distortion
+_FISHEYE_CELL_PX, _DISTORTED_CELL_PX, _STRAIGHT_CELL_PX = 2, 4, 8  # Grid spacing by lens
 
 
 class RayGrid:
@@ -34,7 +34,8 @@ class RayGrid:
 
     def __init__(self, lens: Lens) -> None:
         width, height = lens.size
-        cell = _DISTORTED_CELL_PX if lens.distorts else _STRAIGHT_CELL_PX
+        straight = _DISTORTED_CELL_PX if lens.distorts else _STRAIGHT_CELL_PX
+        cell = _FISHEYE_CELL_PX if lens.equidistant else straight
         self.cell_px = cell
         """Height of a band of rows, and width of the grid cells [px]."""
         self.columns, self.bands = -(-width // cell), -(-height // cell)

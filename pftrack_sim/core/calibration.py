@@ -15,7 +15,8 @@ from pftrack_sim.core.types import FloatArray
 
 _MOST_BYTES = 1 << 20
 _COUNTS = (0, 4, 5, 8, 12, 14)
-_BROWN = ("", "plumb_bob", "radtan", "none")
+_BROWN = ("", "plumb_bob", "radtan", "none", "rational_polynomial")
+_EQUIDISTANT = ("equidistant", "fisheye")
 _POSE = re.compile(r"^\s*- \[.*\]\s*$\n?", re.MULTILINE)  # Rows of Kalibr's poses, which OpenCV cannot read
 
 
@@ -25,7 +26,7 @@ class Calibration:
 
     Attributes:
         K: `(3, 3)` camera matrix [px], in OpenCV's convention: the middle of the first pixel is at (0, 0).
-        distortion: 0, 4, 5, 8, 12 or 14 coefficients in OpenCV's order.
+        distortion: 0, 4, 5, 8, 12 or 14 coefficients in OpenCV's order, or the 4 of an equidistant lens.
         size_px: Width and height of the image; None if the file does not tell.
         model: Name of the distortion's model; empty if the file does not tell.
     """
@@ -36,17 +37,27 @@ class Calibration:
     model: str
 
     @property
-    def brown(self) -> tuple[float, float, float, float, float]:
-        """k1, k2, p1, p2, k3.
+    def equidistant(self) -> bool:
+        """Whether the lens is one of `cv2.fisheye`."""
+        return self.model in _EQUIDISTANT
+
+    @property
+    def lens(self) -> tuple[float, ...]:
+        """k1, k2, p1, p2, k3, with k4, k5, k6 where one is not 0; or the four of an equidistant lens.
 
         Raises:
             ParameterError: A lens of another model.
         """
-        if self.model not in _BROWN or self.distortion[5:].any():
-            name = self.model or f"{len(self.distortion)} coefficients"
-            raise ParameterError(f"a lens of the model plumb_bob (k1, k2, p1, p2, k3) is needed, got {name}")
-        k1, k2, p1, p2, k3 = np.append(self.distortion, np.zeros(5))[:5].tolist()
-        return k1, k2, p1, p2, k3
+        if self.equidistant and len(self.distortion) == 4:
+            return tuple(self.distortion.tolist())
+        if self.model not in _BROWN or self.distortion[8:].any():
+            name = f"{self.model or 'one'} with {len(self.distortion)} coefficients"
+            raise ParameterError(
+                "a lens of the model plumb_bob (k1, k2, p1, p2, k3), rational_polynomial (k4, k5, k6, too) or "
+                f"equidistant (4) is needed, got {name}"
+            )
+        count = 8 if self.distortion[5:].any() else 5
+        return tuple(np.append(self.distortion, np.zeros(8))[:count].tolist())
 
 
 def read_calibration(path: Path) -> Calibration:
@@ -63,14 +74,20 @@ def read_calibration(path: Path) -> Calibration:
             matrix = np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])
             distortion, size = (numbers_of(kalibr.getNode(key)) for key in ("distortion_coeffs", "resolution"))
             model = kalibr.getNode("distortion_model").string()
+            camera = kalibr.getNode("camera_model").string()
         else:
             matrix, distortion = (
                 numbers_of(storage.getNode(key)) for key in ("camera_matrix", "distortion_coefficients")
             )
             size = np.array([storage.getNode(key).real() for key in ("image_width", "image_height")])
             model = storage.getNode("distortion_model").string()
+            camera = ""
+            if storage.getNode("fisheye_model").real() == 1.0:  # of OpenCV's own calibration program
+                model = "equidistant"
     except (SystemError, ValueError, cv2.error):
         raise ParameterError(f"{path}: cannot be read as a calibration in YAML") from None
+    if camera not in ("", "pinhole"):
+        raise ParameterError(f"{path}: cam0 is no pinhole with a lens: camera_model is {camera}")
     if len(matrix) != 9 or not np.isfinite(matrix).all() or min(matrix[0], matrix[4]) <= 0.0:
         raise ParameterError(
             f"{path}: needs camera_matrix with 9 numbers, as ROS and OpenCV write it, or cam0 of Kalibr; "

@@ -109,7 +109,7 @@ class Truth(_ArrayRecord):
         T_world_camera: `(4, 4)` camera pose.
         T_world_target: `(4, 4)` pose of the person or thing: origin on the ground below that centre, x forward, z up.
         K: `(3, 3)` camera matrix [px].
-        distortion: `(5,)` OpenCV k1, k2, p1, p2, k3.
+        distortion: `(5,)` OpenCV's k1, k2, p1, p2, k3; `(8,)` with k4, k5, k6; `(4,)` those of `cv2.fisheye`.
         time_s: Simulated time of the frame since the start of the episode.
         image_motion_px: Displacement of the centre of the amodal box since the previous frame that was delivered;
             0 in the first frame, NaN when either box is NaN.
@@ -136,6 +136,7 @@ class Truth(_ArrayRecord):
     luminance: float
 
     def __post_init__(self) -> None:
+        lens = len(self.distortion) if len(self.distortion) in (4, 8) else 5
         shapes = {
             "box": (4,),
             "amodal_box": (4,),
@@ -144,7 +145,7 @@ class Truth(_ArrayRecord):
             "T_world_camera": (4, 4),
             "T_world_target": (4, 4),
             "K": (3, 3),
-            "distortion": (5,),
+            "distortion": (lens,),
         }
         for key, shape in shapes.items():
             object.__setattr__(self, key, frozen_array(getattr(self, key), shape))

@@ -28,6 +28,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.logs.frame import LogFrame, LogInfo, encode_jpeg, topics_of
 
 Message: TypeAlias = dict[str, Any]
+_LENSES = {4: "equidistant", 5: "plumb_bob", 8: "rational_polynomial"}  # By number of coefficients
 _EXACT = 1e-6  # Variance of what has no error: 0 means unknown to ROS
 _UNMEASURED = 1e6  # That of z, roll and pitch, which a robot on the ground does not measure
 _OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # Axes of an optical frame in its camera's
@@ -208,7 +209,7 @@ def _camera_info(header: Message, truth: Truth, shape: tuple[int, ...]) -> Messa
         "header": header,
         "height": shape[0],
         "width": shape[1],
-        "distortion_model": "plumb_bob",
+        "distortion_model": _LENSES[len(truth.distortion)],
         "d": truth.distortion.tolist(),
         "k": matrix.ravel().tolist(),
         "r": np.eye(3).ravel().tolist(),

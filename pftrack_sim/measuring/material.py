@@ -52,12 +52,14 @@ class CameraModel:
     Attributes:
         K: `(3, 3)` camera matrix [px].
         distortion: OpenCV's coefficients.
+        equidistant: Whether they are those of `cv2.fisheye`.
         focal_share: Least and greatest focal length, as shares of that in `K`.
     """
 
     K: FloatArray
     distortion: FloatArray
     focal_share: tuple[float, float] = (1.0, 1.0)
+    equidistant: bool = False
 
     @property
     def known(self) -> bool:
@@ -128,4 +130,4 @@ def _calibrated(path: Path, size_px: tuple[int, int]) -> CameraModel:
     if found.size_px not in (None, size_px):
         width, height = found.size_px
         raise ParameterError(f"{path}: is of images of {width}x{height}, these have {size_px[0]}x{size_px[1]}")
-    return CameraModel(found.K, found.distortion)
+    return CameraModel(found.K, found.distortion, equidistant=found.equidistant)

@@ -70,10 +70,12 @@ class MotionMeter:
     Args:
         K: `(3, 3)` camera matrix [px].
         distortion: OpenCV's coefficients; empty for none.
+        equidistant: Whether they are those of `cv2.fisheye`.
     """
 
-    def __init__(self, K: FloatArray, distortion: FloatArray) -> None:
+    def __init__(self, K: FloatArray, distortion: FloatArray, equidistant: bool = False) -> None:
         self._K, self._distortion = K, distortion
+        self._undistort = cv2.fisheye.undistortPoints if equidistant else cv2.undistortPoints
         self._rng = np.random.default_rng(0)
         self._shift = CameraMotion(certainty_min=0.2)
         self._grey: NDArray[np.uint8] | None = None
@@ -96,9 +98,7 @@ class MotionMeter:
         )
         if len(first) < _LEAST:
             return nothing
-        a, b = (
-            cv2.undistortPoints(one[:, None], self._K, self._distortion)[:, 0].astype(float) for one in (first, second)
-        )
+        a, b = (self._undistort(one[:, None], self._K, self._distortion)[:, 0].astype(float) for one in (first, second))
         middle, flow = 0.5 * (a + b), b - a
         pixel = 1.0 / float(self._K[0, 0])
         errors = _consensus(middle, flow, pixel, self._rng)

@@ -43,7 +43,7 @@ def measure_video(
     first = material.images.read(0)
     height, width = first.shape[:2]
     camera = camera_of((width, height), fovy_deg, calibration)
-    meter = MotionMeter(camera.K, camera.distortion)
+    meter = MotionMeter(camera.K, camera.distortion, camera.equidistant)
     noise = NoiseMeter(material.images)
     steps: list[Step] = []
     for index in range(len(material.images)):

@@ -176,7 +176,7 @@ def _with_calibration(name: str, tree: Tree, folder: Path) -> Tree:
             raise ParameterError(f"{file}: tells no width and height of its images")
         width, height = found.size_px
         (fx, _, cx), (_, fy, cy), _ = found.K.tolist()
-        calibrated = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "distortion": list(found.brown)}
+        calibrated = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "distortion": list(found.lens)}
     except ParameterError as error:
         raise ScenarioError(name, [f"camera.calibration: {error}"]) from None
     size = {"width_px": width, "height_px": height}

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from pftrack_sim.scenario.axes import Axes, Coefficient
+from pftrack_sim.scenario.axes import Axes
 from pftrack_sim.scenario.people import Distractors, Group, Target, end_s, title
 from pftrack_sim.scenario.robot import Robot
 from pftrack_sim.scenario.section import (
@@ -74,6 +74,9 @@ class MeshPlace(_ModelPlace):
 AnyPlace: TypeAlias = Annotated[Place | MapPlace | MjcfPlace | MeshPlace, Field(discriminator="kind")]
 
 
+_LensCoefficient: TypeAlias = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+
+
 class CalibratedLens(Section):
     """Camera matrix and lens of a calibration, in OpenCV's conventions: the middle of the first pixel is at (0, 0)."""
 
@@ -83,9 +86,19 @@ class CalibratedLens(Section):
     fy: float = number(..., 4, 10_000, "Focal length down [px].")
     cx: float = number(..., -4096, 8192, "Principal point [px].")
     cy: float = number(..., -4096, 8192, "Principal point [px].")
-    distortion: tuple[Coefficient, Coefficient, Coefficient, Coefficient, Coefficient] = setting(
-        (0.0,) * 5, "k1, k2, p1, p2, k3 of Brown's model."
+    distortion: tuple[_LensCoefficient, ...] = setting(
+        (0.0,) * 5,
+        "k1, k2, p1, p2, k3 of Brown's model; eight with k4, k5, k6 of a rational polynomial; four are k1 to k4 of an "
+        "equidistant lens.",
+        min_length=4,
+        max_length=8,
     )
+
+    @model_validator(mode="after")
+    def _of_a_model(self) -> CalibratedLens:
+        if len(self.distortion) not in (4, 5, 8):
+            raise ValueError(f"distortion has 4, 5 or 8 coefficients, got {len(self.distortion)}")
+        return self
 
 
 class Camera(Section):
@@ -262,12 +275,22 @@ class ResolvedScenario(Section):
     occluders: tuple[Occluder, ...] = setting((), "Occlusions, each at its time.", max_length=32)
     follow: Follow = Follow()
 
+    @model_validator(mode="after")
+    def _of_one_lens(self) -> ResolvedScenario:
+        own = self.camera.calibrated
+        if own is not None and len(own.distortion) == 4 and any(self.axes.distortion.coefficients):
+            raise ValueError(
+                "axes.distortion: is of Brown's model, and camera.calibrated of an equidistant lens: set 0"
+            )
+        return self
+
     @property
-    def distortion(self) -> tuple[float, float, float, float, float]:
-        """k1, k2, p1, p2, k3 of the calibrated lens and the axis together."""
+    def distortion(self) -> tuple[float, ...]:
+        """Coefficients of the calibrated lens and the axis together, see `CalibratedLens`."""
         own, axis = self.camera.calibrated, self.axes.distortion.coefficients
-        k1, k2, p1, p2, k3 = axis if own is None else map(sum, zip(own.distortion, axis, strict=True))
-        return k1, k2, p1, p2, k3
+        if own is None or len(own.distortion) == 4:
+            return axis if own is None else own.distortion
+        return *map(sum, zip(own.distortion, axis, strict=False)), *own.distortion[5:]
 
     def late_actions(self) -> list[str]:
         """Messages about the target's actions that do not end within the episode."""

@@ -8,6 +8,7 @@ Hardware 1997), which needs neither straight rows nor clipping.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -26,7 +27,6 @@ from pftrack_sim.truth.silhouettes import Measured, Scene, poses_of
 _DEPTH_MARGIN_M = 0.1  # A geom that is farther than a person by less may be nearer when another row is exposed
 _SHORT_PX = 4  # Columns up to which all are tried
 _BEND, _MARGIN_PX = 0.5, 2.0  # How far the image of a box may reach beyond its corners, as a share of its size
-_BORDER_POINTS = 24
 
 
 class CapturedScene(Scene):
@@ -44,14 +44,17 @@ class CapturedScene(Scene):
     def measure(self, bodies: Bodies, geoms: IntArray) -> Measured:
         """See `Scene`."""
         poses, (pose, K, near_m) = poses_of(self.view, geoms), self.view[2:]
+        ends = [*bodies.starts[1:], len(geoms)]
         pinhole, depths, lowest = bodies.boxes(*poses, pose, K, near_m)
         extents = self._placed.extents(geoms)
         boxes, swept = (_boxes(extents[:, sides], bodies.starts) for sides in (slice(0, 4), slice(4, 8)))
         for found in (boxes, swept):
             found[np.isnan(pinhole[:, 0])] = np.nan
-            # Cut by the near plane: the box of the remaining part is known through a pinhole.
             for body in np.flatnonzero((depths[:, 0] < near_m) & (depths[:, 1] >= near_m)):
-                found[body] = _through(self._lens, pinhole[body])
+                parts = range(bodies.starts[body], ends[body])
+                world = [poses[1][part] @ bodies.vertices[part].T + poses[0][part][:, None] for part in parts]
+                seen = [(points.T - pose[:3, 3]) @ pose[:3, :3] for points in world]
+                found[body] = _cut_box(self._lens, seen, near_m)
         return Measured(boxes, swept, depths, lowest)
 
     def add(self, found: Segmentation, geoms: IntArray) -> None:
@@ -95,14 +98,15 @@ def _boxes(extents: FloatArray, starts: IntArray) -> FloatArray:
     return np.concatenate([low, high - low], axis=1)
 
 
-def _through(lens: Lens, box: FloatArray) -> FloatArray:
-    """`(4,)` extent through the lens of a box in the pinhole image [px]."""
-    share = np.linspace(0.0, 1.0, _BORDER_POINTS)
-    left, top, width, height = box
-    x, y = left + share * width, top + share * height
-    sides = [(x, top), (x, top + height), (left, y), (left + width, y)]
-    border = np.concatenate([np.stack(np.broadcast_arrays(*side), axis=-1) for side in sides])
-    pixels = lens.to_pixels((border - lens.K[:2, 2]) / lens.K[(0, 1), (0, 1)])
+def _cut_box(lens: Lens, parts: Sequence[FloatArray], near_m: float) -> FloatArray:
+    """`(4,)` extent through the lens [px] of what is beyond the near plane of hulls of `(V, 3)` points in its axes."""
+    points: list[FloatArray] = []
+    for part in parts:
+        ahead, behind = part[part[:, 2] >= near_m], part[part[:, 2] < near_m]
+        share = (ahead[:, None, 2] - near_m) / (ahead[:, None, 2] - behind[:, 2])
+        points += [ahead, (ahead[:, None] + share[..., None] * (behind - ahead[:, None])).reshape(-1, 3)]
+    local = np.concatenate(points)
+    pixels = lens.to_pixels(local[:, :2] / local[:, 2:])
     low = pixels.min(axis=0)
     return np.concatenate([low, pixels.max(axis=0) - low])
 
@@ -213,14 +217,17 @@ def draw_rows(
 def _span(sides: FloatArray, rays: FloatArray, row: int, low: int, high: int) -> tuple[int, int]:
     """First and one past the last of the columns of a row that may lie inside three planes.
 
-    Along a row, the rays bend by about twice as much, at most, as in the middle.
+    Along a row, the rays bend by about twice as much, at most, as at its quarters.
     """
-    last, middle = high - 1, (low + high - 1) // 2
+    last = high - 1
     if last - low < _SHORT_PX:
         return low, high
-    share = (middle - low) / (last - low)
-    bend_x = abs(rays[row, middle, 0] - (1.0 - share) * rays[row, low, 0] - share * rays[row, last, 0])
-    bend_y = abs(rays[row, middle, 1] - (1.0 - share) * rays[row, low, 1] - share * rays[row, last, 1])
+    bend_x = bend_y = 0.0
+    for quarter in range(1, 4):
+        column = low + quarter * (last - low) // 4
+        share = (column - low) / (last - low)
+        bend_x = max(bend_x, abs(rays[row, column, 0] - (1.0 - share) * rays[row, low, 0] - share * rays[row, last, 0]))
+        bend_y = max(bend_y, abs(rays[row, column, 1] - (1.0 - share) * rays[row, low, 1] - share * rays[row, last, 1]))
     first, end = low, high
     for side in range(3):
         across, down, ahead = sides[side, 0], sides[side, 1], sides[side, 2]

@@ -42,7 +42,7 @@ class _Frame(NamedTuple):
         pelvis_m: `(P, 3)` places of the pelvises.
         roots: `(P, 4, 4)` root poses.
         pose: `(4, 4)` T_world_camera, read-only.
-        distortion: `(5,)` coefficients of the lens.
+        distortion: Coefficients of the lens, see `Truth`.
         time_s: Time since the start of the episode.
     """
 

@@ -17,7 +17,10 @@ LENSES = {
     "twice": DistortionAxis(severity=2.0).coefficients,
     "cushion": (0.15, 0.02, 0.0, 0.0, 0.0),
     "tilted": (-0.2, 0.05, 0.01, -0.008, 0.01),
+    "rational": (0.7, 0.1, 0.001, -0.002, 0.01, 1.1, 0.3, 0.02),
 }
+FISHEYES = {"plain": (0.0, 0.0, 0.0, 0.0), "bent": (0.03, -0.01, 0.004, -0.0008), "pressed": (-0.015, 0.003, 0.0, 0.0)}
+WIDE = np.array([[306.0, 0.0, 330.0], [0.0, 310.0, 232.0], [0.0, 0.0, 1.0]])  # 120 degrees across
 
 
 @pytest.mark.parametrize("name", LENSES)
@@ -40,6 +43,45 @@ def test_the_pixel_map_follows_the_ray_of_each_pixel(name: str):
     landed = cv2.projectPoints(seen, np.zeros(3), np.zeros(3), K, np.array(LENSES[name]))[0].reshape(480, 640, 2)
     wanted = np.stack(np.meshgrid(np.arange(640) + 0.5, np.arange(480) + 0.5), axis=-1)
     assert np.abs(landed - wanted).max() < 0.05
+
+
+@pytest.mark.parametrize("name", FISHEYES)
+def test_an_equidistant_lens_agrees_with_opencv_over_the_image_and_beside_it(name: str):
+    lens = Lens(WIDE, FISHEYES[name], SIZE)
+    everywhere = np.stack(np.meshgrid(np.arange(0.0, 641.0, 20.0), np.arange(0.0, 481.0, 20.0)), axis=-1)
+    rays = lens.to_normalized(everywhere)
+    assert np.rad2deg(np.arctan(np.linalg.norm(rays, axis=-1))).max() > 70.0
+    rays = np.concatenate([rays.reshape(-1, 2), 1.2 * rays.reshape(-1, 2)])
+    points = np.column_stack([rays, np.ones(len(rays))])[:, None]
+    expected, _ = cv2.fisheye.projectPoints(points, np.zeros(3), np.zeros(3), WIDE, np.array(FISHEYES[name]))
+    assert np.abs(lens.to_pixels(rays) - expected[:, 0]).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", FISHEYES)
+def test_the_pixel_map_of_an_equidistant_lens_follows_the_ray_of_each_pixel(name: str):
+    lens = Lens(WIDE, FISHEYES[name], SIZE)
+    grid = RayGrid(lens)
+    normalized = grid.reproject(0, grid.bands, np.eye(4), np.eye(4))
+    places = grid.pixel_map(0, grid.bands, normalized, K) + 0.5
+    seen = np.concatenate([(places - K[:2, 2]) / K[0, 0], np.ones((480, 640, 1))], axis=-1).reshape(-1, 1, 3)
+    seen = seen.astype(np.float64)
+    landed = cv2.fisheye.projectPoints(seen, np.zeros(3), np.zeros(3), WIDE, np.array(FISHEYES[name]))[0]
+    wanted = np.stack(np.meshgrid(np.arange(640) + 0.5, np.arange(480) + 0.5), axis=-1)
+    assert np.abs(landed.reshape(480, 640, 2) - wanted).max() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("focal", "coefficients", "said"),
+    [
+        (240.0, (0, 0, 0, 0), "sees 9[0-9] degrees off its axis in a corner .* the limit is 80"),
+        (300.0, (-0.3, 0, 0, 0), "k1, k2, k3, k4 = .* not invertible over the 640 x 480 image"),
+        (300.0, (0, 0, 0), "distortion needs five .* or the four of an equidistant lens"),
+    ],
+)
+def test_an_equidistant_lens_that_is_too_wide_or_folds_raises(focal: float, coefficients, said: str):
+    wide = np.array([[focal, 0.0, 320.0], [0.0, focal, 240.0], [0.0, 0.0, 1.0]])
+    with pytest.raises(ParameterError, match=said):
+        Lens(wide, coefficients, SIZE)
 
 
 def test_points_far_beside_the_view_are_projected_outside_the_image():

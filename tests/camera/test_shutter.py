@@ -10,7 +10,7 @@ from pftrack_sim.camera.shutter import Shutter
 
 SHUTTER = Shutter(exposure_s=0.01, readout_s=0.03, rows=120)
 TIMES_S = np.array([-0.04, -0.031, -0.017, -0.004, 0.0])
-NO_LENS = (1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, math.inf)
+NO_LENS = (1.0, 1.0, 0.0, 0.0, *[0.0] * 8, math.inf, 0.0)
 
 
 def met(heights_px: np.ndarray, speed_px_s: float) -> np.ndarray:

@@ -34,6 +34,8 @@ KALIBR = """cam0:
 SIZE = {"camera.width_px": 320, "camera.height_px": 240}
 K = np.array([[219.4, 0.0, 148.3], [0.0, 231.7, 126.9], [0.0, 0.0, 1.0]])
 LENS = np.array([-0.36, 0.11, 0.001, 0.0005, 0.0])
+RATIONAL = np.array([0.7, 0.1, 0.001, -0.002, 0.01, 1.1, 0.3, 0.02])
+FISHEYE = np.array([0.03, -0.01, 0.004, -0.0008])
 
 
 @pytest.mark.parametrize("text", [ROS, KALIBR])
@@ -43,13 +45,38 @@ def test_files_of_ros_and_kalibr_are_read(text: str, tmp_path: Path):
     found = read_calibration(file)
     np.testing.assert_array_equal(found.K, K)
     assert found.size_px == (320, 240)
-    assert found.brown == tuple(LENS)
+    assert found.lens == tuple(LENS)
 
 
-@pytest.mark.parametrize("lens", [LENS, np.zeros(5)])
+def of_opencv(text: str) -> str:
+    """As OpenCV's calibration program writes a fisheye."""
+    return text.replace("distortion_model: equidistant", "fisheye_model: 1")
+
+
+def of_kalibr(text: str) -> str:
+    lens = f"distortion_coeffs: {FISHEYE.tolist()}\n  distortion_model: equidistant"
+    return KALIBR.replace("distortion_coeffs: [-0.36, 0.11, 0.001, 0.0005]\n  distortion_model: radtan", lens)
+
+
+@pytest.mark.parametrize("form", [str, of_opencv, of_kalibr])
+def test_equidistant_lenses_of_all_three_are_read(form, tmp_path: Path):
+    (tmp_path / "camera.yaml").write_text(form(ros(FISHEYE)))
+    found = read_calibration(tmp_path / "camera.yaml")
+    assert found.equidistant
+    assert found.lens == tuple(FISHEYE)
+    np.testing.assert_array_equal(found.K, K)
+
+
+def ros(lens: np.ndarray) -> str:
+    """The calibration with another lens."""
+    text = ROS.replace("[-0.36, 0.11, 0.001, 0.0005, 0.0]", str(lens.tolist()))
+    return text.replace("plumb_bob", {4: "equidistant", 5: "plumb_bob", 8: "rational_polynomial"}[len(lens)])
+
+
+@pytest.mark.parametrize("lens", [LENS, np.zeros(5), RATIONAL, FISHEYE, np.zeros(4)])
 def test_boxes_are_where_opencv_projects_the_target(lens: np.ndarray, tmp_path: Path):
     file = tmp_path / "camera.yaml"
-    file.write_text(ROS.replace("[-0.36, 0.11, 0.001, 0.0005, 0.0]", str(lens.tolist())))
+    file.write_text(ros(lens))
     overrides = {"camera.calibration": str(file), **SIZE}
     with Simulation(scenario.load("plaza-walk", overrides), image=False) as simulation:
         simulation.reset(3)
@@ -60,7 +87,8 @@ def test_boxes_are_where_opencv_projects_the_target(lens: np.ndarray, tmp_path: 
             names = [model.geom(geom).name for geom in np.flatnonzero(own & (model.geom_dataid >= 0))]
             points = np.vstack([vertices(model, data, name) for name in names])
             camera = (points - truth.T_world_camera[:3, 3]) @ truth.T_world_camera[:3, :3]
-            found, _ = cv2.projectPoints(camera, np.zeros(3), np.zeros(3), K, lens)
+            project = cv2.fisheye.projectPoints if len(lens) == 4 else cv2.projectPoints
+            found, _ = project(camera[:, None], np.zeros(3), np.zeros(3), K, lens)
             places = found.reshape(-1, 2) + 0.5  # our pixels begin at their corners
             box = np.hstack([places.min(axis=0), places.max(axis=0) - places.min(axis=0)])
             assert np.abs(truth.amodal_box - box).max() < 0.05
@@ -88,11 +116,9 @@ def test_a_file_beside_a_scenario_is_found_and_its_size_is_the_cameras(tmp_path:
     ("text", "said"),
     [
         ("a: [1,,\n b", "cannot be read as a calibration"),
-        (ROS.replace("plumb_bob", "equidistant"), "of the model plumb_bob .* is needed, got equidistant"),
-        (
-            ROS.replace("0.0005, 0.0]", "0.0005, 0.0, 0.1, 0.0, 0.0]").replace("plumb_bob", "rational_polynomial"),
-            "got rational",
-        ),
+        (ROS.replace("plumb_bob", "equidistant"), "of the model plumb_bob .* is needed, got equidistant with 5"),
+        (ROS.replace("0.0005, 0.0]", "0.0005, 0.0, 0.1, 0.0, 0.0, 0.1, 0, 0, 0]"), "got plumb_bob with 12 coeff"),
+        (KALIBR.replace("model: pinhole", "model: omni"), "camera_model is omni"),
         (ROS.replace("219.4, 0.0, 148.3", "219.4, 1.5, 148.3"), "none of a pinhole without skew"),
         (ROS.replace("126.9, 0.0, 0.0, 1.0", "126.9, 0.0, 0.0, 0.0"), "none of a pinhole without skew"),
         (ROS.replace("219.4", "0.0"), r"focal lengths \[0.0\]"),
@@ -111,6 +137,13 @@ def test_a_lens_that_folds_the_image_is_named_with_its_calibration(tmp_path: Pat
     one = Simulation(scenario.load("corridor", {"camera.calibration": str(tmp_path / "camera.yaml"), **SIZE}))
     with one, pytest.raises(ScenarioError, match=r"camera\.calibrated with axes\.distortion: .* is not invertible"):
         one.reset(0)
+
+
+def test_the_axis_of_distortion_is_refused_on_an_equidistant_lens(tmp_path: Path):
+    (tmp_path / "camera.yaml").write_text(ros(FISHEYE))
+    overrides = {"camera.calibration": str(tmp_path / "camera.yaml"), **SIZE, "axes.distortion.severity": 1.0}
+    with pytest.raises(ScenarioError, match=r"axes\.distortion: is of Brown's model"):
+        scenario.load("corridor", overrides)
 
 
 def test_another_size_of_the_image_is_refused_with_the_remedy(tmp_path: Path):

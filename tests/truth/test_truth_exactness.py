@@ -17,6 +17,7 @@ from render_stage import FOVY, HEIGHT, NEAR, WIDTH, K, Stage, build, looking, ne
 from room_files import WRITERS, scenario_of
 
 from pftrack_sim import scenario
+from pftrack_sim.camera.distortion import Lens
 from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Truth
 from pftrack_sim.render.capture.frame_capture import CapturedFrame
@@ -187,6 +188,7 @@ LENS = {"distortion": 1.0, "occlusion": 2.0}
 ROLLING = {**LENS, "rolling_shutter": 1.0, "jitter": 1.0, "stream": 1.0}
 FAST = {"rolling_shutter": 4.0, "jitter": 4.0, "distortion": 1.0, "occlusion": 2.0}
 SHAKEN = {"rolling_shutter": 2.0, "jitter": 2.0, "distortion": 1.0, "stream": 1.0, "occlusion": 2.0}
+FISHEYE = {"equidistant": 1.0}  # no axis, but a lens
 HIDDEN_ROWS = [
     ("warehouse", 1, 9.6, LENS),
     ("warehouse", 1, 9.8, ROLLING),
@@ -196,6 +198,8 @@ HIDDEN_ROWS = [
     ("station", 5, 4.1, {**FAST, "stream": 1.0, "blur": 1.0}),
     ("station", 11, 12.56, SHAKEN),
     ("corridor", 13, 0.72, SHAKEN),
+    ("warehouse", 1, 9.6, {**FISHEYE, "occlusion": 2.0}),
+    ("hall", 5, 2.3, {**FISHEYE, **FAST, "distortion": 0.0}),
 ]
 
 
@@ -212,7 +216,10 @@ def test_pixels_of_a_partly_hidden_target_are_those_that_its_rays_meet_when_thei
         return observe(self, captured, *more)
 
     monkeypatch.setattr(TruthObserver, "observe_captured", kept)
-    axes = {f"axes.{axis}.severity": severity for axis, severity in severities.items()}
+    axes = {f"axes.{axis}.severity": severity for axis, severity in severities.items() if axis != "equidistant"}
+    if "equidistant" in severities:  # 120 degrees across
+        lens = {"fx": 153.0, "fy": 153.0, "cx": 161.0, "cy": 117.0, "distortion": [0.01, -0.005, 0.001, 0.0]}
+        axes["camera.calibrated"] = {**lens, "width_px": WIDTH, "height_px": HEIGHT}
     size = {"camera.width_px": WIDTH, "camera.height_px": HEIGHT, "lights.shadows": False}
     compared = 0
     with Simulation(scenario.load(name, size | INSTANT | axes), image=False) as simulation:
@@ -238,6 +245,60 @@ def test_pixels_of_a_partly_hidden_target_are_those_that_its_rays_meet_when_thei
     assert compared >= 3
 
 
+def test_people_far_off_the_axis_of_an_equidistant_lens_are_those_of_an_independent_segmentation():
+    """By MuJoCo's own renderer, through a pinhole that looks at each of them."""
+    K = np.array([[153.0, 0.0, 161.5], [0.0, 153.0, 117.5], [0.0, 0.0, 1.0]])
+    lens = Lens(K, [0.01, -0.005, 0.001, 0.0], (320, 240))
+    calibrated = {"fx": 153.0, "fy": 153.0, "cx": 161.0, "cy": 117.0, "distortion": lens.coefficients.tolist()}
+    overrides = {
+        "camera.calibrated": {**calibrated, "width_px": 320, "height_px": 240},
+        "camera.width_px": 320,
+        "camera.height_px": 240,
+        "distractors.count": 12,
+        "robot.gaze": "forward",
+        "robot.route": {"kind": "still", "heading_deg": 40.0},
+    }
+    rows, columns = np.mgrid[:240, :320] + 0.5
+    rays = np.dstack([lens.to_normalized(np.dstack([columns, rows])), np.ones_like(rows)])
+    angles: list[float] = []
+    with Simulation(scenario.load("plaza-walk", INSTANT | overrides), image=False) as simulation:
+        simulation.reset(1)
+        world = simulation.world
+        owners = body_owners(world.model)
+        world.model.vis.global_.offwidth = world.model.vis.global_.offheight = 960
+        with mujocos_renderer(world.model, 960, 960) as renderer:
+            focal = 480.0 / np.tan(0.5 * np.deg2rad(world.model.cam_fovy[0]))
+            detail, meshes = Detail(world.model), world.model.geom_dataid.copy()
+            for _ in range(8):
+                for _ in range(15):
+                    frame = simulation.advance()
+                pose = frame.truth.T_world_camera
+                view = View(world.data.geom_xpos, world.data.geom_xmat, pose, frame.truth.K, NEAR)
+                shown = detail.meshes.ravel()[detail.shapes(view, np.arange(world.model.ngeom))]
+                for truth in frame.people:
+                    middle = truth.T_world_target[:3, 3] + (0.0, 0.0, 0.9)
+                    towards = looking(tuple(pose[:3, 3]), tuple(middle))
+                    seen = rays @ (towards[:3, :3].T @ pose[:3, :3]).T
+                    places = np.floor(focal * seen[..., :2] / seen[..., 2:] + 480.0).astype(int)
+                    inside = (seen[..., 2] > 0.0) & (places >= 0).all(axis=-1) & (places < 960).all(axis=-1)
+                    if truth.state != "visible" or not 2.5 < truth.distance_m < 12.0 or truth.truncation:
+                        continue
+                    own = np.array([one == truth.name for one in owners])[world.model.geom_bodyid]
+                    world.model.geom_dataid[:] = shown
+                    ids = [renderer.ids(world.data, towards, *geoms) for geoms in ((), (own,))]
+                    world.model.geom_dataid[:] = meshes
+                    right, down = places.clip(0, 959).transpose(2, 0, 1)
+                    visible, whole = (np.append(own, False)[one[down, right]] & inside for one in ids)
+                    assert abs(truth.visible_fraction - visible.sum() / whole.sum()) < 0.01 + 2.0 / whole.sum()
+                    for box, mask in ((truth.visible_box, visible), (truth.box, whole)):
+                        off = box - boxes.from_mask(mask)
+                        assert np.abs([*off[:2], *(off[:2] + off[2:])]).max() <= 2.0
+                    local = pose[:3, :3].T @ (middle - pose[:3, 3])
+                    angles.append(float(np.rad2deg(np.arccos(local[2] / np.linalg.norm(local)))))
+    assert len(angles) > 20
+    assert np.sort(angles)[-10] > 50.0
+
+
 def pixels_by_rows(
     captured: CapturedFrame, segmenter: Segmenter, own: np.ndarray, around: PixelRect
 ) -> tuple[np.ndarray, ...]:
@@ -256,7 +317,8 @@ def pixels_by_rows(
         when_s = float(shutter.row_s(row + 0.5))
         scene = captured.capture.scene_at(when_s)
         centres = np.column_stack([columns, np.full(columns.size, row)]) + 0.5
-        rays = cv2.undistortPoints(centres, lens.K, lens.coefficients).reshape(-1, 2)
+        undistort = cv2.fisheye.undistortPoints if lens.equidistant else cv2.undistortPoints
+        rays = undistort(centres[:, None], lens.K, lens.coefficients).reshape(-1, 2)
         places = np.floor(finer * (rays * lens.K[(0, 1), (0, 1)] + lens.K[:2, 2])).astype(int)
         low, high = places.min(axis=0) - reach, places.max(axis=0) + reach + 1
         rect = PixelRect(*low.tolist(), *(high - low).tolist())

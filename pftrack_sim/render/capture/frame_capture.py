@@ -20,7 +20,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from pftrack_sim.camera.distortion import Lens
+from pftrack_sim.camera.distortion import Lens, distorts
 from pftrack_sim.camera.pinhole import focal_and_centre
 from pftrack_sim.camera.projection import Readout, place_vertices
 from pftrack_sim.camera.remap import PixelMap, RadianceAccumulator, RayGrid, inverse_ground_range, resample
@@ -39,7 +39,7 @@ from pftrack_sim.scenario import ResolvedScenario
 _SHAKE_MARGIN_PX = 6
 """Margin of a rendered image for camera rotation within a frame; a larger rotation reduces its scale."""
 
-_LARGEST_RATIO = 1.6
+_LARGEST_RATIO, _LARGEST_FISHEYE_RATIO = 1.6, 3.0
 """Largest size of a rendered image relative to the camera image; larger ones are rendered at a smaller scale."""
 
 _POSES_PER_FRAME = 9  # Instants within a frame between which camera poses are interpolated
@@ -113,7 +113,8 @@ class FrameCapture:
         size = np.array(self.lens.size)
         beyond = (high - low) * focal_and_centre(self.lens.K)[:2] - size
         margin = np.ceil(0.5 * np.maximum(beyond, 0.0)) + (0 if self.shutter.instant else _SHAKE_MARGIN_PX)
-        width, height = (int(side) for side in np.minimum(size + 2 * margin, np.ceil(_LARGEST_RATIO * size)))
+        largest = _LARGEST_FISHEYE_RATIO if self.lens.equidistant else _LARGEST_RATIO
+        width, height = (int(side) for side in np.minimum(size + 2 * margin, np.ceil(largest * size)))
         return width, height
 
     def record(
@@ -241,7 +242,7 @@ def is_instantaneous(settings: ResolvedScenario) -> bool:
     """Whether each frame of a scenario is taken at an instant through a pinhole."""
     axes = settings.axes
     instant = axes.blur.physical == 0.0 and axes.rolling_shutter.physical == 0.0
-    return instant and not any(settings.distortion)
+    return instant and not distorts(settings.distortion)
 
 
 def make_frame_capture(
@@ -260,6 +261,7 @@ def make_frame_capture(
         lens = Lens(K, settings.distortion, (camera.width_px, camera.height_px))
     except ParameterError as error:
         key = "axes.distortion" if camera.calibrated is None else "camera.calibrated with axes.distortion"
+        key = "camera.calibrated" if len(settings.distortion) == 4 else key
         raise ScenarioError(repr(settings.title), [f"{key}: {error}"]) from None
     return FrameCapture(model, lens, shutter, shake)
 
