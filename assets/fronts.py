@@ -184,18 +184,23 @@ def _goods(image: Canvas, rng: np.random.Generator, base: int, tallest: int, hue
         x += w + int(rng.integers(1, 6))
 
 
+_INKS = ((38, 58, 92), (164, 62, 48), (206, 150, 62), (92, 122, 98), (48, 104, 112), (58, 54, 58), (176, 104, 92))
+"""Of printed posters: navy, brick, ochre, sage, petrol, charcoal, old rose."""
+_PAPER = (232, 226, 210)
+
+
 def poster(rng: np.random.Generator, index: int) -> Canvas:
     """A 256 x 256 picture; hung 0.7-1.2 m wide."""
-    hue = float(rng.uniform(0, 180))
-    back, front, accent = (hue_of(hue + d, s, v) for d, s, v in ((0, 120, 205), (95, 170, 150), (45, 210, 225)))
-    image = shaded(flat(256, 256, back), 1.1, 0.8)
+    back, front, accent = (_INKS[k] for k in rng.permutation(len(_INKS))[:3])
+    image = shaded(flat(256, 256, back), 1.15, 0.85)
     kind = index % 8
     if kind == 0:
         for ring in range(7, 0, -1):
-            cv2.circle(image, (128, 120), ring * 15, front if ring % 2 else accent, -1, cv2.LINE_AA)
-        text(image, "CONCERT", (46, 232), 1.1, (250, 250, 240))
+            cv2.circle(image, (128, 128), ring * 22, front if ring % 2 else back, -1, cv2.LINE_AA)
+        cv2.rectangle(image, (0, 186), (255, 255), back, -1)
+        text(image, "CONCERT", (46, 226), 1.1, _PAPER)
     elif kind == 1:
-        image[:] = (236, 230, 214)
+        image[:] = _PAPER
         for row in range(9):
             w = int(rng.integers(120, 215))
             cv2.rectangle(image, (20, 74 + row * 19), (20 + w, 81 + row * 19), (70, 70, 76), -1)
@@ -203,41 +208,53 @@ def poster(rng: np.random.Generator, index: int) -> Canvas:
         text(image, "NOTICE", (58, 38), 1.2, (255, 255, 255))
     elif kind == 2:
         peaks = np.array([[0, 200], [60, 96], [104, 150], [160, 60], [255, 190], [255, 255], [0, 255]])
-        cv2.circle(image, (196, 58), 28, (250, 232, 150), -1, cv2.LINE_AA)
+        image[:] = shaded(flat(256, 256, (214, 202, 176)), 0.8, 1.1)
+        cv2.circle(image, (196, 58), 28, accent, -1, cv2.LINE_AA)
         cv2.fillPoly(image, [peaks], front, cv2.LINE_AA)
-        cv2.fillPoly(image, [peaks + np.array([0, 46])], tuple(0.55 * c for c in front), cv2.LINE_AA)
-        text(image, "TRAVEL", (56, 240), 1.2, (250, 250, 240))
+        cv2.fillPoly(image, [peaks + np.array([0, 46])], tuple(0.6 * c for c in front), cv2.LINE_AA)
+        text(image, "TRAVEL", (56, 240), 1.2, _PAPER)
     elif kind == 3:
-        for at in range(-256, 256, 44):
-            corners = np.array([[at, 0], [at + 22, 0], [at + 278, 256], [at + 256, 256]])
-            cv2.fillPoly(image, [corners], accent, cv2.LINE_AA)
-        cv2.rectangle(image, (26, 86), (230, 166), (250, 248, 240), -1)
-        text(image, "SALE", (62, 148), 2.0, front, 4)
+        image[:] = _PAPER
+        cv2.rectangle(image, (0, 0), (255, 150), front, -1)
+        text(image, "SALE", (40, 112), 2.4, _PAPER, 6)
+        for row, width in enumerate((150, 190, 110)):
+            cv2.rectangle(image, (32, 176 + row * 22), (32 + width, 186 + row * 22), accent, -1)
     elif kind == 4:
-        cv2.circle(image, (128, 84), 40, (226, 182, 150), -1, cv2.LINE_AA)
-        cv2.ellipse(image, (128, 66), (46, 34), 0, 180, 360, (60, 40, 30), -1, cv2.LINE_AA)
-        cv2.ellipse(image, (128, 220), (84, 92), 0, 180, 360, front, -1, cv2.LINE_AA)
-        cv2.rectangle(image, (0, 218), (255, 255), accent, -1)
-        text(image, "THEATRE", (50, 248), 1.0, (30, 30, 40))
+        # A head and shoulders against a spotlight.
+        cv2.circle(image, (150, 110), 92, accent, -1, cv2.LINE_AA)
+        cv2.ellipse(image, (128, 104), (38, 50), 0, 0, 360, front, -1, cv2.LINE_AA)
+        cv2.ellipse(image, (128, 256), (96, 104), 0, 180, 360, front, -1, cv2.LINE_AA)
+        cv2.rectangle(image, (0, 214), (255, 255), _PAPER, -1)
+        text(image, "THEATRE", (50, 246), 1.0, back)
     elif kind == 5:
-        for _ in range(40):
-            x, y = rng.integers(0, 230, 2)
-            w, h = rng.integers(14, 70, 2)
-            colour = hue_of(hue + float(rng.uniform(-40, 130)), 180, float(rng.uniform(90, 230)))
-            cv2.rectangle(image, (int(x), int(y)), (int(x + w), int(y + h)), colour, -1)
+        # A landscape in oil: hills behind hills, hazier the farther away they are.
+        image[:] = shaded(flat(256, 256, (176, 192, 200)), 0.85, 1.2)
+        image *= (0.9 + 0.2 * cloud(rng, 256, 256, 1.2))[..., None]
+        columns = np.arange(256)
+        for depth, colour in enumerate(((146, 160, 160), (116, 134, 108), (88, 102, 62), (66, 74, 44))):
+            crest = 100 + 34 * depth + 40 * (cloud(rng, 256, 256, 2.2)[0] - 0.5)
+            hill = np.column_stack([[*columns, 255, 0], [*crest, 255, 255]]).astype(np.int32)
+            cv2.fillPoly(image, [hill], colour, cv2.LINE_AA)
+        image *= (0.85 + 0.3 * cloud(rng, 256, 256, 1.0))[..., None]
     elif kind == 6:
-        image[:] = (238, 236, 228)
-        cv2.polylines(image, [rng.integers(20, 236, (9, 2)).astype(np.int32)], False, (200, 60, 50), 6, cv2.LINE_AA)
-        cv2.polylines(image, [rng.integers(20, 236, (8, 2)).astype(np.int32)], False, (50, 90, 180), 6, cv2.LINE_AA)
-        cv2.polylines(image, [rng.integers(20, 236, (7, 2)).astype(np.int32)], False, (60, 150, 80), 6, cv2.LINE_AA)
-        text(image, "CITY MAP", (40, 40), 1.1, (40, 40, 50))
+        # Blocks of houses between streets, a park and a river.
+        image[:] = (218, 208, 190)
+        cv2.rectangle(image, (150, 60), (214, 120), (166, 184, 140), -1)
+        bend = np.column_stack([np.linspace(-10, 266, 40), 190 + 26 * np.sin(np.linspace(0.0, 4.0, 40))])
+        cv2.polylines(image, [bend.astype(np.int32)], False, (142, 168, 186), 20, cv2.LINE_AA)
+        for at in np.cumsum(rng.integers(18, 40, 9)).tolist():
+            cv2.line(image, (at, 0), (at + 20, 255), (244, 240, 232), 4, cv2.LINE_AA)
+            cv2.line(image, (0, at), (255, at - 14), (244, 240, 232), 4, cv2.LINE_AA)
+        cv2.line(image, (0, 150), (255, 40), (222, 178, 98), 7, cv2.LINE_AA)
+        cv2.rectangle(image, (0, 0), (255, 44), front, -1)
+        text(image, "CITY MAP", (40, 34), 1.1, _PAPER)
     else:
         image[:] = (124, 88, 56)
         image *= (0.85 + 0.3 * cloud(rng, 256, 256, 0.4))[..., None]
         for _ in range(16):
             x, y = int(rng.integers(6, 190)), int(rng.integers(6, 190))
             w, h = int(rng.integers(34, 66)), int(rng.integers(30, 62))
-            colour = hue_of(float(rng.uniform(0, 180)), float(rng.choice([20.0, 60.0, 150.0])), 236)
+            colour = hue_of(float(rng.uniform(0, 180)), float(rng.choice([8.0, 24.0, 60.0])), 232)
             cv2.rectangle(image, (x + 2, y + 3), (x + w + 2, y + h + 3), (60, 42, 28), -1)
             cv2.rectangle(image, (x, y), (x + w, y + h), colour, -1)
             for line in range(3):
