@@ -32,6 +32,8 @@ class CameraEnv(gym.Env[Observation, Any]):
     Observation, a dict:
 
     - `image`: `(H, W, 3)` uint8 RGB; left out with `image=False`.
+    - `depth`: `(H, W)` float32 distance along the optical axis of what each pixel shows [m], infinite for the sky, with
+      `depth=True`. It is exact, and the same without images: see `Simulation.depth`.
     - `init_box`: `(4,)` float64 x, y, w, h [px]: the target while `first` is 1, else zeros.
     - `first`: 1 in the frame in which the target is selected, else 0: the first in which anything of it can be seen.
       Unless the target starts out of view that is the first frame of the episode.
@@ -51,6 +53,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         image: False leaves out the pixels, for learning controllers on boxes and for many episodes of following: no
             OpenGL library is loaded, and the truth is the same but for its `luminance`. Every stress axis is accepted;
             those that only change pixels (`light`, `noise`, the compression of `stream`) change nothing.
+        depth: Whether observations have a depth image; nothing else changes.
 
     Raises:
         UnknownNameError: No such scenario or backend.
@@ -71,6 +74,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         render_mode: str | None = None,
         backend: str | None = None,
         image: bool = True,
+        depth: bool = False,
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ParameterError(
@@ -79,7 +83,7 @@ class CameraEnv(gym.Env[Observation, Any]):
             )
         if render_mode is not None and not image:
             raise ParameterError(f"without images there is nothing to render: leave out render_mode {render_mode!r}")
-        self.render_mode, self._image = render_mode, image
+        self.render_mode, self._image, self._depth = render_mode, image, depth
         self.scenario = scenarios.load(scenario, overrides)
         camera = self.scenario.resolve(0).camera
         self.metadata = {**type(self).metadata, "render_fps": round(camera.rate_hz)}
@@ -91,6 +95,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         self.observation_space = gym.spaces.Dict(
             {
                 **({"image": pixels} if image else {}),
+                **({"depth": gym.spaces.Box(0.0, np.inf, pixels.shape[:2], np.float32)} if depth else {}),
                 # A selected box lies inside the image.
                 "init_box": gym.spaces.Box(0.0, far, (4,), np.float64),
                 "first": gym.spaces.Discrete(2),
@@ -190,7 +195,8 @@ class CameraEnv(gym.Env[Observation, Any]):
         proprio = np.minimum(np.maximum(self.simulation.world.proprio(), _PROPRIO_LOW), PROPRIO_HIGH)
         # Copies: wrappers and learners may write into an observation.
         pixels = {"image": frame.image.copy()} if self._image else {}
-        return {**pixels, "init_box": box, "first": first, "proprio": proprio}
+        depth = {"depth": self.simulation.depth()} if self._depth else {}
+        return {**pixels, **depth, "init_box": box, "first": first, "proprio": proprio}
 
     def _info(self, frame: Frame) -> dict[str, Any]:
         return {

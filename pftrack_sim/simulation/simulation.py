@@ -348,12 +348,12 @@ class Simulation:
         return self._world
 
     def depth(self) -> NDArray[np.float32]:
-        """`(H, W)` depth along the optical axis at the time stamp of the last frame [m]; infinite for the sky.
+        """`(H, W)` depth along the optical axis of what each pixel of the last frame shows [m]; infinite for the sky.
 
-        It is that of a pinhole camera: exposure, rolling shutter and lens distortion have no effect on it.
+        Each pixel is that of its ray through the lens, at mid-exposure of its row.
         """
         assert self._truth is not None
-        return self._truth.scene_geometry(self.world.data, self._T_world_camera).depth_m.astype(np.float32)
+        return self._truth.depth_m()
 
     def collision(self) -> str | None:
         """Name of the first person or thing that the robot touched since the previous delivered frame, or None."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, cast
 import cv2
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.camera.pinhole import camera_matrix
 from pftrack_sim.core import boxes
@@ -103,6 +103,7 @@ class TruthObserver:
         self._before: Callable[[int], tuple[FloatArray, FloatArray]] | None = None
         """Boxes of a person in the last frame; None before the first."""
         self._silhouette: Callable[[int], Silhouette | None] = lambda _: None
+        self._scene: Scene | None = None  # The last frame
         self._unread = weakref.WeakValueDictionary[float, DeferredPeople]()
 
     @property
@@ -110,6 +111,11 @@ class TruthObserver:
         """Silhouettes in the last frame, by person, of those who may have a pixel in it."""
         found = {name: self._silhouette(person) for person, name in enumerate(self._people)}
         return {name: silhouette for name, silhouette in found.items() if silhouette is not None}
+
+    def depth_m(self) -> NDArray[np.float32]:
+        """`(H, W)` depth along the optical axis of what each pixel of the last frame shows; infinite for nothing."""
+        assert self._scene is not None
+        return self._scene.segment(PixelRect(0, 0, *self._size), np.flatnonzero(self._segmenter.drawn)).depth_m()
 
     def track(self, name: str) -> None:
         """Tell of this person as the target from the next frame on.
@@ -185,7 +191,7 @@ class TruthObserver:
             return known.boxes[row], known.swept[row]
 
         frame = _Frame(self._target, boxes_of, self._before, pelvis_m, roots, pose, distortion, time_s)
-        self._before, self._silhouette = boxes_of, view.silhouette
+        self._before, self._silhouette, self._scene = boxes_of, view.silhouette, scene
 
         def others() -> tuple[Truth, ...]:
             rest = (person for person in range(len(roots)) if person != frame.target)

@@ -11,6 +11,7 @@ import pytest
 from gymnasium import wrappers
 
 import pftrack_sim  # noqa: F401 - registers the environments
+from pftrack_sim.camera.distortion import Lens
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.wrappers import PixelsOnly
 
@@ -99,7 +100,7 @@ def test_depth_is_the_distance_along_the_optical_axis(axis: dict[str, float]):
     along = (to_camera @ [*truth.T_world_target[:2, 3], 0.9, 1.0])[2]
     assert abs(trunk - along) < 0.3
     # The ground in the lowest row, by the camera's height and pose.
-    ray = np.linalg.inv(truth.K) @ [30.5, 71.5, 1.0]
+    ray = [*Lens(truth.K, truth.distortion.tolist(), (96, 72)).to_normalized([30.5, 71.5]), 1.0]
     world = truth.T_world_camera[:3, :3] @ ray
     ground = -truth.T_world_camera[2, 3] / world[2]
     assert abs(depth[71, 30] / ground - 1.0) < 0.02
