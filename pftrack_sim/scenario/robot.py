@@ -137,7 +137,9 @@ class Sills(Section):
 
 
 class Sensors(Section):
-    """Errors of the robot's sensors, all 0: exact.
+    """Errors of the robot's sensors, all 0: exact, of each frame and at once.
+
+    Rates and delays are rounded to control ticks, 40 ms or shorter.
 
     Data sheets: BMI088 (Bosch), gyroscope 0.014 deg/s and accelerometer 0.0017 m/s^2 over the square root of the
     bandwidth in Hz, biases within 1 deg/s and 0.2 m/s^2; URG-04LX (Hokuyo), range within 0.03 m up to 1 m, 3 % beyond.
@@ -150,6 +152,12 @@ class Sensors(Section):
     range_noise_m: float = number(0.0, 0, 5, "Standard deviation of the ranges.")
     range_noise_share: float = number(0.0, 0, 1, "The same as a share of each range; both add up as independent.")
     range_lost: float = number(0.0, 0, 1, "Share of the beams that return nothing, in each frame others.")
+    odometry_rate_hz: float = number(0.0, 0, 1000, "How often odometry and wheel speeds are new; 0: always.")
+    odometry_delay_ms: float = number(0.0, 0, 2000, "How old they are, besides.")
+    imu_rate_hz: float = number(0.0, 0, 1000, "How often turn rates and accelerations are new; 0: always.")
+    imu_delay_ms: float = number(0.0, 0, 2000, "How old they are, besides.")
+    range_rate_hz: float = number(0.0, 0, 1000, "How often ranges are new: 10 of an URG-04LX; 0: always.")
+    range_delay_ms: float = number(0.0, 0, 2000, "How old they are, besides.")
 
 
 class Robot(Section):

@@ -78,7 +78,7 @@ class World:
         rng = random_streams.stream(seed, "lights", "axis")
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
         self._mount_geoms = np.flatnonzero(geoms_drawn(self.model) & np.isin(self.model.geom_bodyid, mount(self.model)))
-        self._sensors = SensorErrors(settings.robot.sensors, seed)
+        self._sensors = SensorErrors(settings.robot.sensors, seed, self.clock.tick_s)
         self._ticks = 0
         self._collision: str | None = None
         self.robot.reset(self.data)
@@ -87,6 +87,7 @@ class World:
         if settings.target.start_stride == "median" and thing is None:
             self.traffic.start_in_mid_stride(self.data, self._state.T_world_camera)
         self._update_poses()
+        self._sense()
 
     def advance(self, command: FloatArray | None = None, delay_s: float = 0.0) -> None:
         """Move on to the next frame.
@@ -106,7 +107,10 @@ class World:
             self._state = self.robot.scene_state(self.data, self.clock.time_s(self._ticks), posed_next=last)
             self.traffic.update(tick_s, self._state.time_s, *self._state.places_m)
             self.traffic.write(self.data)
+            if not last:
+                self._sense()
         self._update_poses()
+        self._sense()
 
     def retune(self, settings: ResolvedScenario) -> None:
         """Go on under settings that differ in stress axes of the camera and the link only: here, the road's."""
@@ -139,7 +143,7 @@ class World:
 
     def proprio(self) -> NDArray[np.float32]:
         """`(n,)` float32 proprioception of the robot, see `pftrack_sim.core.proprioception`."""
-        return self._sensors.added(self.robot.drive.proprio(self.data), self._ticks)
+        return self._sensors.read(self.robot.drive.proprio(self.data), self._ticks)
 
     def collision(self) -> str | None:
         """Name of the first person or thing that the robot touched since the previous frame, or None."""
@@ -163,6 +167,10 @@ class World:
         """Compute the poses of bodies, geoms and cameras, so that frame and truth belong to the same instant."""
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
+
+    def _sense(self) -> None:
+        if self._sensors.hold:
+            self._sensors.sense(self.robot.drive.proprio(self.data), self._ticks)
 
     def _carried(self, anatomy: Anatomy) -> CarriedItems:
         target = self.settings.target

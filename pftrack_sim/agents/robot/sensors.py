@@ -1,8 +1,9 @@
-"""Errors of gyroscope, accelerometer and range finder."""
+"""Errors of gyroscope, accelerometer and range finder; rate and delay of these and of the odometry."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,26 +12,54 @@ from pftrack_sim.core.proprioception import PROPRIO_HIGH, PROPRIO_INDEX, RANGE_M
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.robot import Sensors
 
+_ROUNDING = 1e-6
+_ROWS = {"odometry": slice(0, 5), "imu": slice(5, 11), "range": RANGES}  # Each a sensor with a rate and a delay
+
 _GYRO, _ACCELEROMETER = (
     [PROPRIO_INDEX[name.format(axis)] for axis in "xyz"] for name in ("gyro_{}_rad_s", "accelerometer_{}_m_s2")
 )
 
 
 class SensorErrors:
-    """What sensors add to the truth: the same at a time of an episode however often they are read.
+    """What sensors tell instead of the truth: the same at a time of an episode however often they are read.
 
     Args:
         sensors: How large the errors are.
         seed: That of the episode.
+        tick_s: Length of a tick of the clock.
     """
 
-    def __init__(self, sensors: Sensors, seed: int) -> None:
+    def __init__(self, sensors: Sensors, seed: int, tick_s: float) -> None:
         self._sensors, self._seed = sensors, seed
         self._exact = sensors == Sensors()
+        self._held = [
+            (rows, tick_s * rate_hz, round(1e-3 * delay_ms / tick_s), deque[tuple[int, NDArray[np.float32]]]())
+            for name, rows in _ROWS.items()
+            for rate_hz, delay_ms in [(getattr(sensors, f"{name}_rate_hz"), getattr(sensors, f"{name}_delay_ms"))]
+            if rate_hz or delay_ms
+        ]
+        self.hold = bool(self._held)
+        """Whether `sense` is needed at every tick."""
         drawn = stream(seed, "sensors", "bias").standard_normal((2, 3))
         self._bias = drawn * [[math.radians(sensors.gyro_bias_deg_s)], [sensors.accelerometer_bias_m_s2]]
 
-    def added(self, proprio: NDArray[np.float32], tick: int) -> NDArray[np.float32]:
+    def sense(self, proprio: NDArray[np.float32], tick: int) -> None:
+        """Let slow and late sensors sense `(n,)` proprioception at a tick of the clock, in order of time."""
+        measured = self._added(proprio, tick)
+        for rows, a_tick, delay, queue in self._held:
+            if not queue or not a_tick or int(tick * a_tick + _ROUNDING) > int((tick - 1) * a_tick + _ROUNDING):
+                queue.append((tick, measured[rows]))
+            while len(queue) > 1 and queue[1][0] <= tick - delay:
+                queue.popleft()
+
+    def read(self, proprio: NDArray[np.float32], tick: int) -> NDArray[np.float32]:
+        """`(n,)` what sensors tell at a tick of the clock: of then, or what slow and late ones have told last."""
+        measured = self._added(proprio, tick)
+        for rows, *_, queue in self._held:
+            measured[rows] = queue[0][1]
+        return measured
+
+    def _added(self, proprio: NDArray[np.float32], tick: int) -> NDArray[np.float32]:
         """`(n,)` proprioception with the errors of a tick of the clock."""
         if self._exact:
             return proprio
