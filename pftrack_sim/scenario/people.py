@@ -318,7 +318,7 @@ class Target(Section):
         0,
         10000,
         "Number of the set of random clothes and builds: scenarios with different numbers show different people at "
-        "the same seed.",
+        "the same seed; with 0, those of the place.",
     )
     init: Literal["body", "torso"] = setting(
         "body",

@@ -113,9 +113,9 @@ def add_agents(
     Returns:
         The people, the target first; where that is a thing, who carries it, or a walker who is not there.
     """
-    wardrobe = settings.target.wardrobe
+    wardrobe = settings.target.wardrobe or settings.place.kind
     people = sample_people(
-        int(random_streams.stream(seed, "wardrobe", wardrobe).integers(2**32)) if wardrobe else seed,
+        int(random_streams.stream(seed, "wardrobe", wardrobe).integers(2**32)),
         settings.target.height_m,
         settings.distractors.count,
         settings.distractors.similarity,

@@ -196,15 +196,15 @@ def test_similarity_applies_to_height_and_clothes():
         assert other.outfit == same[0].outfit
 
 
-def test_a_wardrobe_is_an_independent_set_of_people() -> None:
-    def cast(wardrobe: int) -> tuple[Person, ...]:
-        settings = scenario.load("plaza-walk", {"target.wardrobe": wardrobe, "distractors.count": 1}).resolve(3)
+def test_people_wear_other_clothes_in_another_place_and_wardrobe() -> None:
+    def cast(name: str, wardrobe: int = 0) -> tuple[Person, ...]:
+        settings = scenario.load(name, {"target.wardrobe": wardrobe, "distractors.count": 1}).resolve(3)
         return add_agents(SceneSpec(), settings, 3, {}, {})[:2]
 
-    target = cast(0)[0]
-    assert target == sample_people(3, target.anatomy.height_m, 0, 0.0, ())[0]
-    assert cast(2) == cast(2)
-    assert len({person.outfit.top for wardrobe in range(3) for person in cast(wardrobe)}) == 6
+    assert cast("plaza-walk", 2) == cast("plaza-walk", 2)
+    assert cast("easy/corridor")[0] == cast("hard/corridor")[0], "one seed shows one person in all tiers of a place"
+    casts = [cast("plaza-walk", wardrobe) for wardrobe in range(3)] + [cast(name) for name in ("corridor", "hall")]
+    assert len({person.outfit.top for people in casts for person in people}) == 10
 
 
 def test_jackets_cover_the_hips_and_hoods_stand_off_the_neck() -> None:
