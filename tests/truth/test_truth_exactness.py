@@ -138,7 +138,7 @@ PARTLY_HIDDEN = {
     "station": 2.4,
     "real/market": 5.3,
     "hard/plaza": 13.0,
-    "objects/ball": 7.25,
+    "objects/ball": 7.1,
     "objects/car": 13.5,
 }
 INSTANT = {f"axes.{name}.severity": 0.0 for name in ("blur", "rolling_shutter", "distortion", "jitter")}
@@ -166,7 +166,7 @@ def assert_truth_is_that_of_an_independent_segmentation(loaded: scenario.Scenari
         camera = simulation.settings.camera
         with mujocos_renderer(world.model, camera.width_px, camera.height_px) as renderer:
             detail = Detail(world.model)
-            for _ in range(6):
+            for _ in range(12):
                 truth = simulation.advance().truth
                 view = View(world.data.geom_xpos, world.data.geom_xmat, truth.T_world_camera, truth.K, NEAR)
                 world.model.geom_dataid[:] = detail.meshes.ravel()[detail.shapes(view, np.arange(world.model.ngeom))]
@@ -176,10 +176,9 @@ def assert_truth_is_that_of_an_independent_segmentation(loaded: scenario.Scenari
                 # A tip thinner than a pixel reaches farther than any pixel that shows it.
                 for box, mask, most in ((truth.visible_box, visible, 1.0), (truth.box, whole, 2.0)):
                     off = box - boxes.from_mask(mask)
-                    assert np.abs([*off[:2], *(off[:2] + off[2:])]).max() <= most
+                    assert np.abs([*off[:2], *(off[:2] + off[2:])]).max() <= most if mask.any() else np.isnan(box).all()
                 compared += 0.05 < truth.visible_fraction < 0.95
-                for _ in range(2):
-                    world.advance()
+                world.advance()
     assert compared >= 4
 
 

@@ -73,7 +73,8 @@ def sample_people(
 
     A similarity is that of the appearance to the target, in clothes, height and girth, from 0 to 1 (the same clothes
     and body): one for all distractors, one for each pedestrian that crosses the line of sight, and one for each that
-    passes close by the target or belongs to a group. `clothes` says what the target's are, the rest is drawn.
+    passes close by the target or belongs to a group. Who crosses, to cover the target, is no smaller and no slimmer.
+    `clothes` says what the target's are, the rest is drawn.
     """
     clothes = clothes or Clothes()
     target = Person(
@@ -100,8 +101,13 @@ def _similar_person(seed: int, name: str, target: Person, similarity: float) -> 
     if similarity == 1.0:
         return Person(name, target.anatomy, outfit)
     independent = sample_anatomy(stream(seed, "anatomy", name))
-    height = independent.height_m + similarity * (target.anatomy.height_m - independent.height_m)
-    girth = independent.girth + similarity * (target.anatomy.girth - independent.girth)
+    height, girth = (
+        max(theirs + similarity * (its - theirs), its if name.startswith("crosser") else 0.0)
+        for theirs, its in (
+            (independent.height_m, target.anatomy.height_m),
+            (independent.girth, target.anatomy.girth),
+        )
+    )
     return Person(name, replace(sample_anatomy(stream(seed, "anatomy", name), height), girth=girth), outfit)
 
 

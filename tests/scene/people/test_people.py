@@ -196,6 +196,14 @@ def test_similarity_applies_to_height_and_clothes():
         assert other.outfit == same[0].outfit
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_who_crosses_the_line_of_sight_is_as_large_as_the_target(seed: int):
+    target, *crossers = sample_people(seed, 1.9, 0, 0.0, (0.0, 0.5, 1.0))
+    for crosser in crossers:
+        assert crosser.anatomy.height_m >= target.anatomy.height_m
+        assert crosser.anatomy.girth >= target.anatomy.girth
+
+
 def test_people_wear_other_clothes_in_another_place_and_wardrobe() -> None:
     def cast(name: str, wardrobe: int = 0) -> tuple[Person, ...]:
         settings = scenario.load(name, {"target.wardrobe": wardrobe, "distractors.count": 1}).resolve(3)
