@@ -111,6 +111,7 @@ _GRAVITY = 9.81
 _TURN = 2.0 * math.pi
 _HEIGHT_SOFTNESS_M = 0.003  # scale of the smooth minimum that limits the pelvis to the reach of the legs
 _PELVIS_YAW, _PELVIS_ROLL = math.radians(4.5), math.radians(3.5)  # amplitudes at natural speed
+_RESTING_ROLL, _RESTING_SHIFT_M = math.radians(3.0), 0.025  # at rest, towards the leg that carries the weight
 _LEAN_PER_SPEED = math.radians(1.8)
 _HEAD_PITCH = math.radians(2.0)
 _BREATH, _GLANCE = math.radians(0.6), math.radians(4.0)  # idle chest pitch (breathing) and head yaw (looking around)
@@ -126,7 +127,7 @@ _SIT_PELVIS, _SIT_TRUNK = math.radians(-12.0), math.radians(3.0)  # on a seat
 _SIT_LEAN = math.radians(38.0)  # forward lean half way down or up, which keeps the weight above the feet
 _LOOK_TRUNK = 0.35  # share of the head's turn by which the trunk follows
 _SHOULDER_BACK, _SHOULDER_SWING = math.radians(-6.0), math.radians(16.0)
-_ELBOW, _ELBOW_SWING, _RUNNING_ELBOW = math.radians(13.0), math.radians(11.0), math.radians(62.0)
+_ELBOW, _ELBOW_SWING, _RUNNING_ELBOW = math.radians(18.0), math.radians(11.0), math.radians(62.0)
 
 
 def stride_length(speed_m_s: float, height_m: float) -> float:
@@ -389,6 +390,9 @@ def _pose_body(person: Any, feet: Records, arms: Records, parts: Records, index:
     stride = _TURN * person.phase
     twist = _PELVIS_YAW * person.amplitude * math.cos(stride)
     drop = _PELVIS_ROLL * person.amplitude * math.cos(stride - _TURN * 0.15)
+    # At rest, the weight is on one leg, over which the hip is higher.
+    leaning = math.sin(person.glance_phase) * max(1.0 - 2.0 * person.amplitude, 0.0) * (1.0 - sit) * (1.0 - crouch)
+    drop += _RESTING_ROLL * leaning
     bank = min(max(-0.6 / _GRAVITY * person.speed * person.turn, -0.2), 0.2)
     gaze = min(max(0.35 * person.turn, -0.5), 0.5)
     breath = _BREATH * math.sin(person.breath_phase + person.breath_rate * time_s)
@@ -405,7 +409,7 @@ def _pose_body(person: Any, feet: Records, arms: Records, parts: Records, index:
 
     # A crouching person's pelvis moves back as the chest leans forward: the weight stays above the feet.
     back = person.thigh_m * (_CROUCH_BACK * crouch + _BEND_BACK * bend + _SIT_BACK * sit)
-    sway = person.sway_m * math.cos(_TURN * (person.phase - 0.30))
+    sway = person.sway_m * math.cos(_TURN * (person.phase - 0.30)) + _RESTING_SHIFT_M * leaning
     cos, sin = math.cos(heading), math.sin(heading)
     pelvis.x, pelvis.y, pelvis.z = person.x - sway * sin - back * cos, person.y + sway * cos - back * sin, 0.0
     for side in range(2):
@@ -449,7 +453,7 @@ def _pose_body(person: Any, feet: Records, arms: Records, parts: Records, index:
         _set_rotation(upper, 0.0, sign * (person.arm_roll + arm.share * arm.outward), -shoulder)
         _turn_along(torso, upper)
         _attach(upper, fore, 0.0, 0.0, -person.upper_arm_m)
-        _set_rotation(fore, -0.25 * sign, sign * (arm.share * arm.forearm - 0.5 * person.arm_roll), -elbow)
+        _set_rotation(fore, -0.25 * sign, sign * (arm.share * arm.forearm - 0.9 * person.arm_roll), -elbow)
         _turn_along(upper, fore)
 
 
