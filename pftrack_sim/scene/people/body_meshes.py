@@ -22,8 +22,8 @@ from pftrack_sim.scene.people.outfit import Outfit
 from pftrack_sim.scene.people.texture_atlas import BOTTOM, SHOES, TOP, cloth_mesh, skin_mesh
 
 _FRONT_COLUMN = 256.0
-_LEG_SHARE = 0.32  # Length over which the cloth of trousers is stretched on a thigh, in statures
-_SLEEVE_COLUMN = 96.0  # sleeves show cloth from beside the chest, outside the print
+_BELT, _LEG_SHARE = 0.10, 0.37  # Height of the belt above the hips, and the length of the cloth below it, in statures
+_SLEEVE_COLUMN = 406.0  # Sleeves show cloth from beside the chest, outside the print
 
 
 def torso_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
@@ -62,7 +62,8 @@ def pelvis_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     table = load_profile("pelvis")
     table[2:6, 5] *= hips
     table[:, 3:] *= 1.0 + 0.9 * (g - 1.0)
-    return cloth_mesh(superellipse_rings(table * h, 12, power=2.25), BOTTOM, _FRONT_COLUMN, 0.10 * h)
+    rings = superellipse_rings(table * h, 12, power=2.25)
+    return cloth_mesh(rings, BOTTOM, _FRONT_COLUMN, _BELT * h, length_m=_LEG_SHARE * h)
 
 
 def thigh_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
@@ -72,12 +73,12 @@ def thigh_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     garment = skin.copy()
     garment[2:, 3:] += ease * h
     if outfit.long_legs:
-        return cloth_mesh(superellipse_rings(garment, 10), BOTTOM, _FRONT_COLUMN, 0.02, length_m=_LEG_SHARE * h)
+        return cloth_mesh(superellipse_rings(garment, 10), BOTTOM, _FRONT_COLUMN, _BELT * h, length_m=_LEG_SHARE * h)
     garment = garment[:7]
     garment[5:, 3:] += 0.004 * h
     shorts = superellipse_rings(np.concatenate([garment, garment[-1:] * (1, 1, 1, 0.5, 0.5, 0.5)]), 10)
     leg = skin_mesh(superellipse_rings(skin[5:], 10))
-    return merged([cloth_mesh(shorts, BOTTOM, _FRONT_COLUMN, 0.02, length_m=0.28 * h), leg])
+    return merged([cloth_mesh(shorts, BOTTOM, _FRONT_COLUMN, _BELT * h, length_m=_LEG_SHARE * h), leg])
 
 
 def shank_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
@@ -98,7 +99,7 @@ def shank_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     hem = garment[-1:] * (0.985, 1, 1, 0.4, 0.4, 0.4)
     rings = superellipse_rings(np.concatenate([garment, hem]), 10)
     # From the knee, the cloth runs back up to the belt, whose edge becomes the hem.
-    knee_row = (0.02 + anatomy.thigh_m) / (_LEG_SHARE * h) * BOTTOM.height
+    knee_row = (_BELT + anatomy.thigh_m / h) / _LEG_SHARE * BOTTOM.height
     return cloth_mesh(rings, BOTTOM, _FRONT_COLUMN, 0.0, length_m=-_LEG_SHARE * h, first_row=knee_row)
 
 

@@ -21,7 +21,7 @@ GarmentName: TypeAlias = Literal["top", "bottom", "shoes"]
 
 PIXEL_M = 0.00215  # size of a cloth pixel on the body
 _SIZES: dict[GarmentName, tuple[int, int]] = {"top": (232, 512), "bottom": (150, 512), "shoes": (48, 96)}
-_FOLD_DEPTH: dict[GarmentName, float] = {"top": 0.075, "bottom": 0.085, "shoes": 0.04}
+_FOLD_DEPTH: dict[GarmentName, float] = {"top": 0.07, "bottom": 0.07, "shoes": 0.03}
 _PRINT_PX = 42.0  # Radius of a print
 
 
@@ -56,38 +56,50 @@ def _sew(image: Image, rows: BoolArray, columns: BoolArray, share: float, colour
 
 @lru_cache(maxsize=24)
 def _shading(name: GarmentName, seed: int) -> NDArray[np.float32]:
-    """`(h, w)` brightness of a garment by its folds, hems, seams and belt; read-only."""
+    """`(h, w)` brightness of a garment by its folds, by what keeps light from it, and by hems and belt; read-only."""
+    height, width = _SIZES[name]
+    down, around = np.arange(height)[:, None], np.arange(width) - 0.5 * width
     shading = _folds(name, seed)
-    height, width = shading.shape
     match name:
         case "top":
+            # Beside the chest and inside the sleeves; the light comes from above.
+            shading *= (1.05 - 0.12 * down / height) * (1.0 - 0.28 * np.exp(-(((np.abs(around) - 112.0) / 40.0) ** 2)))
             shading[-5:] *= 0.80
             shading[:3] *= 0.80
         case "bottom":
-            # Side seams and a belt.
-            around = np.arange(width, dtype=float) % (0.5 * width) - 0.25 * width
-            shading[:, np.abs(around) < 1.2] *= 0.82
-            shading[:5] *= 0.45
+            # Between the legs, and below the hem of the top; worn pale in front.
+            between = np.exp(-(((around + 66.0) / 44.0) ** 2)) * np.clip((down - 58.0) / 30.0, 0.0, 1.0)
+            worn = np.exp(-((around / 34.0) ** 2) - ((down - 96.0) / 30.0) ** 2)
+            shading *= (1.0 - 0.42 * between + 0.13 * worn) * (1.0 - 0.35 * np.exp(-down / 9.0))
+            shading[:5] *= 0.6
         case "shoes":
             shading[int(0.78 * height) : int(0.80 * height)] *= 0.6
+    shading /= shading[5:-5].mean()
     shading.setflags(write=False)
     return shading
 
 
 def _folds(name: GarmentName, seed: int) -> NDArray[np.float32]:
-    """`(h, w)` factors of a smooth shading of mean 1, stretched along the hang of the cloth."""
+    """`(h, w)` factors of about 1: creases lit from above."""
     height, width = _SIZES[name]
-    coarse = 4
-    small = (-(-height // coarse), width // coarse)
+    coarse = 2
+    small = (-(-height // coarse) + 2, width // coarse)
     rng = np.random.default_rng(seed)
-    field = np.zeros((height, width))
-    for size_px, weight in ((10.0, 1.0), (22.0, 1.2)):
+    relief = np.zeros(small)
+    turn = 2.0 * np.pi * np.arange(3 * small[1]) / small[1]
+    slant = sum(18.0 / order * np.sin(order * turn + rng.uniform(0.0, 6.28)) for order in (1.0, 2.0, 3.0))
+    for size_px, weight in ((5.0, 0.5), (11.0, 1.0)):
         # Tiling makes the noise periodic around the body: no visible seam at the back.
-        noise = np.tile(rng.normal(size=small), (1, 3))
-        blurred = cv2.GaussianBlur(noise, (0, 0), sigmaX=0.55 * size_px / coarse, sigmaY=size_px / coarse)
-        fine = cv2.resize(blurred, (3 * width, small[0] * coarse), interpolation=cv2.INTER_CUBIC)
-        field += weight * fine[:height, width : 2 * width] / blurred.std()
-    return (1.0 + _FOLD_DEPTH[name] * ((field - field.mean()) / field.std())).astype(np.float32)
+        noise = np.tile(rng.normal(size=(2 * small[0], small[1])), (1, 3))
+        blurred = cv2.GaussianBlur(noise, (0, 0), sigmaX=1.6 * size_px / coarse, sigmaY=0.7 * size_px / coarse)
+        rows = np.arange(small[0])[:, None] + 0.5 * small[0] + slant
+        columns = np.broadcast_to(np.arange(3 * small[1]), rows.shape)
+        slanted = cv2.remap(blurred, columns.astype(np.float32), rows.astype(np.float32), cv2.INTER_LINEAR)
+        # Cloth hangs between sharp ridges.
+        relief -= weight * size_px * np.abs(slanted[:, small[1] : 2 * small[1]]) / blurred.std()
+    lit = np.gradient(relief, axis=0)
+    lit = np.asarray(cv2.resize(lit / lit.std(), (width, small[0] * coarse), interpolation=cv2.INTER_CUBIC)[:height])
+    return (1.0 + _FOLD_DEPTH[name] * lit).astype(np.float32)
 
 
 def _inside(distance_px: FloatArray) -> FloatArray:
