@@ -286,7 +286,10 @@ class Clothes(Section):
     cut: Literal["shirt", "jacket", "hood"] | None = setting(None, "Of the top: with a hood, or a jacket to the hips.")
     long_sleeves: bool | None = setting(None, "Whether sleeves reach the wrists.")
     long_legs: bool | None = setting(None, "Whether trousers reach the ankles.")
-    hair: Literal["short", "medium", "long", "bun", "cap", "bald"] | None = setting(None, "Hair, or a cap.")
+    hair: Literal["short", "medium", "long", "curly", "bun", "cap", "beanie", "bald"] | None = setting(
+        None, "Hair, or what covers it."
+    )
+    glasses: Literal["none", "clear", "dark"] | None = setting(None, "Glasses; sunglasses are dark.")
     skin: _Hex | None = setting(None, "Colour of the skin.")
     girth: float | None = number(None, 0.85, 1.3, "Thickness of the trunk; 1 is the average.")
 

@@ -48,7 +48,7 @@ class Gait:
         people["shoulder_x"], people["shoulder_z"] = -_SHOULDERS_BACK * height, people["torso_m"] - drop
         people["seated_m"] = SEAT_M + _SIT_HIP * height
         # Arms hang wider with larger girth.
-        people["arm_roll"] = np.radians(9.5 + 1.5 * normal[5]) + 0.3 * np.maximum(girth - 1.0, 0.0)
+        people["arm_roll"] = np.radians(9.5 + 1.5 * normal[5]) + 0.45 * np.maximum(girth - 1.0, 0.0)
         people["arm_swing"], people["lean"] = 1.0 + 0.18 * normal[3], np.radians(1.5 + 1.2 * normal[4])
         people["breath_rate"] = 2.0 * np.pi * (0.24 + 0.08 * uniform[1])
         people["glance_rate"] = 2.0 * np.pi * (0.10 + 0.06 * uniform[2])

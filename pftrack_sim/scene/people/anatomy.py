@@ -17,7 +17,8 @@ import numpy as np
 from pftrack_sim.core.data_files import asset_table
 
 Colour: TypeAlias = tuple[int, int, int]  # RGB, 0..255
-HairStyle: TypeAlias = Literal["short", "medium", "long", "bun", "cap", "bald"]
+HairStyle: TypeAlias = Literal["short", "medium", "long", "curly", "bun", "cap", "beanie", "bald"]
+Glasses: TypeAlias = Literal["none", "clear", "dark"]
 
 
 def rgb(values: Iterable[float]) -> Colour:
@@ -40,7 +41,7 @@ class Anatomy:
         height_m: Stature: sole to crown.
         girth: Thickness of the trunk relative to the average; limbs vary half as much.
         figure: 0 for broad shoulders and narrow hips, 1 for the opposite.
-        hair_style: Style of the hair; below a `"cap"` the scalp is painted in the hair colour.
+        hair_style: Style of the hair; below a `"cap"` or `"beanie"` the scalp is painted in the hair colour.
         beard: Strength of the beard, from 0 (none) to 1 (full).
     """
 
@@ -64,6 +65,7 @@ class Anatomy:
     hair: Colour
     hair_style: HairStyle
     beard: float = 0.0
+    glasses: Glasses = "none"
 
     @property
     def hip_height_m(self) -> float:
@@ -88,7 +90,7 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
     figure = float(np.clip(rng.normal(0.85 if feminine else 0.1, 0.12), 0.0, 1.0))
     drawn_height = float(np.clip(rng.normal(1.65 if feminine else 1.77, 0.065), 1.48, 2.02))
     spread = np.clip(rng.normal(0.0, 1.0, 12), -2.2, 2.2)
-    girth = float(np.clip(rng.normal(1.0, 0.085), 0.88, 1.22))
+    girth = float(np.clip(rng.normal(1.01, 0.11), 0.87, 1.3))
     tone, shade = rng.random(), rng.random()
     colours = asset_table("people")["colours"]
     tones = range(len(colours["skin"]))
@@ -97,7 +99,7 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
     shares = (0.22, 0.22, 0.19, 0.13, 0.09, 0.06, 0.03, 0.06) if tone < 0.55 else (0.60, 0.28, 0.04, 0, 0, 0, 0, 0.08)
     index = int(np.count_nonzero(np.cumsum(np.array(shares)) <= 0.999 * shade))
     hair = rgb(np.array(colours["hair"][index]) + rng.integers(-8, 9))
-    style_drawn, beard_drawn = rng.random(), rng.random()
+    style_drawn, beard_drawn, glasses_drawn = rng.random(3)
 
     height = drawn_height if height_m is None else float(height_m)
     # The fractions add up to 1: at one stature, longer legs mean a shorter trunk.
@@ -129,14 +131,15 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
         hair=hair,
         hair_style=_hair_style(feminine, float(style_drawn)),
         beard=0.0 if feminine else float(np.clip(2.2 * beard_drawn - 1.0, 0.0, 1.0)),
+        glasses="clear" if glasses_drawn < 0.25 else "dark" if glasses_drawn < 0.32 else "none",
     )
 
 
 def _hair_style(feminine: bool, drawn: float) -> HairStyle:
     styles: tuple[tuple[HairStyle, float], ...] = (
-        (("long", 0.42), ("bun", 0.24), ("medium", 0.26), ("short", 0.05), ("cap", 0.03))
+        (("long", 0.34), ("bun", 0.20), ("medium", 0.24), ("curly", 0.10), ("short", 0.06), ("cap", 0.03), ("beanie", 0.03))
         if feminine
-        else (("short", 0.66), ("medium", 0.12), ("cap", 0.12), ("bald", 0.10))
+        else (("short", 0.58), ("medium", 0.10), ("curly", 0.06), ("cap", 0.10), ("beanie", 0.06), ("bald", 0.10))
     )
     for style, share in styles:
         drawn -= share

@@ -6,6 +6,9 @@ them.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
+
 import numpy as np
 
 from pftrack_sim.core.types import FloatArray
@@ -25,20 +28,25 @@ _FRONT_COLUMN = 256.0
 _BELT, _LEG_SHARE = 0.10, 0.37  # Height of the belt above the hips, and the length of the cloth below it, in statures
 _SLEEVE_COLUMN = 406.0  # Sleeves show cloth from beside the chest, outside the print
 
+_PALM_RINGS = 4
+# Of index, middle, ring and little finger: place ahead of the wrist and beside it, length and bend.
+_FINGERS = ((0.0185, -0.002, 1.0, 0.8), (0.0075, -0.001, 1.1, 1.0), (-0.003, -0.001, 1.02, 1.2), (-0.0125, -0.003, 0.8, 1.4))
+
 
 def torso_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
-    """Waist (the origin) to the base of the neck, in a top that hangs over the trousers: a jacket covers the hips."""
+    """Waist (the origin) to the base of the neck, in a top that hangs over the hips: a jacket, and what is loose, lower."""
     h, g, f, ease = anatomy.height_m, anatomy.girth, anatomy.figure, 0.0015 + 0.007 * outfit.looseness
     table = load_profile("torso")
-    if outfit.cut == "jacket":
-        # Its hem hangs straight down from the hips, before and behind which it stands off.
-        table[:2, 0] -= 0.05
-        table[1:4, 3:] += ((0.012, 0.014, 0.010), (0.008, 0.012, 0.006), (0.004, 0.006, 0.003))
+    # The hem hangs straight down from the hips, before and behind which it stands off.
+    table[1:3, 3], table[1, 5] = table[1:3, 3] + 0.008, table[1, 5] + 0.006
+    lower = 0.05 if outfit.cut == "jacket" else 0.045 * max(outfit.looseness - 0.2, 0.0)
+    table[:2, 0] -= lower
+    table[1:4, 3:] += 20.0 * lower * np.array([(0.020, 0.016, 0.012), (0.018, 0.014, 0.008), (0.008, 0.007, 0.004)])
     table[1:7, 3:5] += ease
     table[7, 3:5] += (0.5 * ease, ease)
-    table[2:4, 3] += 0.05 * (g - 1.0)  # belly
-    table[5:7, 3] += (0.010 * f, 0.7 * (0.010 * f))  # bust
-    waist, hips = 1.0 - 0.10 * f, 1.0 + 0.03 * f
+    table[1:5, 3] += np.array([0.04, 0.09, 0.11, 0.06]) * max(g - 1.0, 0.0)  # belly
+    table[5:7, 3] += (0.013 * f, 0.7 * (0.013 * f))  # bust
+    waist, hips = 1.0 - 0.13 * f, 1.0 + 0.05 * f
     table[1:5, 5] = (table[1:5, 5] + ease) * (hips, hips, waist, waist)
     table[5:7, 5] += (0.6 * ease, 0.4 * ease)
     table[7:11, 5] += anatomy.shoulder_half_m / h
@@ -48,7 +56,7 @@ def torso_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     # The skeleton sets the width of the shoulders; only the sections below them grow with girth.
     table[7:, 5] /= 1.0 + 0.85 * (g - 1.0)
     rings, top_m = superellipse_rings(table, 14, power=2.35), 0.245 * anatomy.torso_m / 0.230
-    torso = cloth_mesh(rings, TOP, _FRONT_COLUMN, top_m)
+    torso = cloth_mesh(rings, TOP, _FRONT_COLUMN, top_m, length_m=top_m - float(table[1, 0]))
     if outfit.cut != "hood":
         return torso
     hood = load_profile("hood") * h
@@ -57,13 +65,19 @@ def torso_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
 
 
 def pelvis_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
-    """Hips in trousers; the origin is midway between the hip joints."""
-    h, g, hips = anatomy.height_m, anatomy.girth, 1.0 + 0.04 * anatomy.figure
-    table = load_profile("pelvis")
+    """Hips in trousers or a skirt; the origin is midway between the hip joints."""
+    h, g, hips = anatomy.height_m, anatomy.girth, 1.0 + 0.08 * anatomy.figure
+    skirt = in_skirt(anatomy, outfit)
+    table = load_profile("skirt" if skirt else "pelvis")
     table[2:6, 5] *= hips
-    table[:, 3:] *= 1.0 + 0.9 * (g - 1.0)
+    table[:, 3:] *= 1.0 + 0.9 * ((max(g, 1.0) if skirt else g) - 1.0)  # a slim person's stride is not shorter
     rings = superellipse_rings(table * h, 12, power=2.25)
     return cloth_mesh(rings, BOTTOM, _FRONT_COLUMN, _BELT * h, length_m=_LEG_SHARE * h)
+
+
+def in_skirt(anatomy: Anatomy, outfit: Outfit) -> bool:
+    """Whether a person wears a skirt where the outfit has one."""
+    return outfit.skirt and anatomy.figure > 0.5
 
 
 def thigh_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
@@ -72,6 +86,9 @@ def thigh_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     skin = _scaled("thigh", anatomy, anatomy.thigh_m / 0.245)
     garment = skin.copy()
     garment[2:, 3:] += ease * h
+    if in_skirt(anatomy, outfit):
+        skin[:7, 3:] *= np.array([0.6, 0.6, 0.6, 0.6, 0.6, 0.7, 0.88])[:, None]  # in a stride, what the skirt covers stays in it
+        return skin_mesh(superellipse_rings(skin, 10))
     if outfit.long_legs:
         return cloth_mesh(superellipse_rings(garment, 10), BOTTOM, _FRONT_COLUMN, _BELT * h, length_m=_LEG_SHARE * h)
     garment = garment[:7]
@@ -85,7 +102,7 @@ def shank_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     """A lower leg below its knee joint (the origin)."""
     h, stretch = anatomy.height_m, anatomy.shank_m / 0.245
     skin = _scaled("shank", anatomy, stretch)
-    if not outfit.long_legs:
+    if in_skirt(anatomy, outfit) or not outfit.long_legs:
         return skin_mesh(superellipse_rings(skin, 10))
     garment = skin.copy()
     garment[2:, 3:] += 0.0035 * h
@@ -123,22 +140,41 @@ def upper_arm_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
 def forearm_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     """The left forearm with its hand below the elbow joint (the origin), thumb to the front."""
     skin = _scaled("forearm", anatomy, anatomy.forearm_m / 0.146)
-    h, hand = anatomy.height_m, anatomy.hand_m / anatomy.height_m / 0.105
-    wrist = -anatomy.forearm_m / h
-    palm, thumb = load_profile("palm"), load_profile("thumb")
-    for table in (palm, thumb):
-        table[:, 0] = wrist - table[:, 0] * hand
-    thumb_mesh = skin_mesh(superellipse_rings(thumb * h, 5))
+    h, hand = anatomy.height_m, anatomy.hand_m / 0.105
+    palm, digits = load_profile("palm"), _digits()
+    palm[:, 0] *= -hand / h
+    palm[:, 0] -= anatomy.forearm_m / h
+    digits = replace(digits, vertices=digits.vertices * hand - (0.0, 0.0, anatomy.forearm_m))
     if not outfit.long_sleeves:
         arm = superellipse_rings(np.concatenate([skin, palm * h]), 8, power=2.2)
-        return merged([skin_mesh(arm), thumb_mesh])
+        return merged([_to_knuckles(skin_mesh(arm), len(skin)), digits])
     garment = skin.copy()
     garment[2:, 3:] += (0.0022 + 0.004 * outfit.looseness) * h
     sleeve = superellipse_rings(np.concatenate([garment, garment[-1:] * (0.985, 1, 1, 0.5, 0.5, 0.5)]), 8)
     sleeve_mesh = cloth_mesh(sleeve, TOP, _SLEEVE_COLUMN, 0.0, first_row=112.0)
     skin[-1, 0] += 0.012 * h
     hand_rings = superellipse_rings(np.concatenate([skin[-1:], palm * h]), 8, power=2.2)
-    return merged([sleeve_mesh, skin_mesh(hand_rings), thumb_mesh])
+    return merged([sleeve_mesh, _to_knuckles(skin_mesh(hand_rings), 1), digits])
+
+
+def _to_knuckles(mesh: TriangleMesh, rings: int) -> TriangleMesh:
+    """A hand whose palm follows so many rings of 8 points, without fingers; in the distance it stays a mitten."""
+    return replace(mesh, faces=mesh.faces[(mesh.faces < 9 * (rings + _PALM_RINGS)).all(axis=1)])
+
+
+@cache
+def _digits() -> TriangleMesh:
+    """Thumb and fingers of a left hand below its wrist (the origin), in statures; in the distance the thumb alone."""
+    thumb, finger = load_profile("thumb"), load_profile("finger")
+    meshes = [skin_mesh(superellipse_rings(thumb * (-1, 1, 1, 1, 1, 1), 5))]
+    for x, y, length, curl in _FINGERS:
+        table = finger * (-length, 1, 1, 1, 1, 1)
+        table[:, 0] -= 0.046
+        table[:, 1] += x
+        table[:, 2] = y + curl * table[:, 2]
+        one = skin_mesh(superellipse_rings(table, 4))
+        meshes.append(replace(one, coarse=(one.coarse[0][:0],) * len(one.coarse)))
+    return merged(meshes)
 
 
 def foot_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:

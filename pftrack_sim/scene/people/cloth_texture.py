@@ -34,16 +34,27 @@ def cloth_texture(outfit: Outfit, name: GarmentName) -> Image:
     down, around = np.arange(height, dtype=float), np.arange(width, dtype=float) - 0.5 * width
     rng = np.random.default_rng(garment.texture_seed)
     shares = _accent_shares(garment.pattern, down[:, None], around, garment.scale_m / PIXEL_M, rng)
-    buttoned = name == "top" and outfit.cut == "jacket"
+    jacket, hood = name == "top" and outfit.cut == "jacket", name == "top" and outfit.cut == "hood"
+    opened = jacket and garment.texture_seed % 2 == 1
+    if opened:  # over a shirt
+        edge = np.abs(around) - np.interp(down, (0.0, 60.0, height), (34.0, 15.0, 22.0))[:, None]
+        shares = np.where(edge < 0.0, 1.0, shares)
     dyed = (colour + (accent - colour) * shares.astype(np.float32)) * _shading(name, garment.texture_seed % 8)
-    if buttoned:
+    if opened:
+        dyed *= (1.0 - 0.5 * np.exp(-((edge / 3.0) ** 2))).astype(np.float32)
+    elif jacket:
         dyed[..., np.abs(around) < 1.6] *= 0.62
+    elif hood:
+        pocket = (down[:, None] > 142) & (down[:, None] < 190) & (np.abs(around) < 62.0)
+        dyed[:, pocket & ~cv2.erode(pocket.astype(np.uint8), np.ones((5, 5))).astype(bool)] *= 0.72
     image = np.asarray(cv2.convertScaleAbs(cv2.merge([*dyed])), np.uint8)
     if name == "shoes":
         image[int(0.80 * height) :] = garment.accent
         _sew(image, (down < 0.5 * height) & (down % 7 < 2), np.abs(around) < 9, 0.6, (210, 208, 202))  # laces
-    elif buttoned:
+    elif jacket and not opened:
         _sew(image, (down % 34 < 4.4) & (down > 6), np.abs(around - 5.0) < 2.2, 0.5, (215, 212, 204))
+    elif hood:
+        _sew(image, (down > 20) & (down < 62), np.abs(np.abs(around) - 13.0) < 1.6, 0.6, (225, 222, 214))  # strings
     return image
 
 

@@ -71,28 +71,33 @@ def _hair(style: HairStyle) -> list[TriangleMesh]:
         case "short":
             return [_scalp_cover(style, 0.0065, 0.0)]
         case "medium":
-            return [_scalp_cover(style, 0.0125, 0.004), _back_hair(0.020, 0.076)]
+            return [_scalp_cover(style, 0.0125, 0.004), _back_hair(0.010)]
         case "long":
-            return [_scalp_cover(style, 0.0095, 0.003), _back_hair(-0.055, 0.076)]
+            return [_scalp_cover(style, 0.0095, 0.003), _back_hair(-0.055)]
+        case "curly":
+            return [_scalp_cover(style, 0.017, 0.010)]
         case "bun":
             return [_scalp_cover(style, 0.006, 0.0), _bun()]
         case "cap":
             return [_scalp_cover(style, 0.006, 0.0, CAP), _brim()]
+        case "beanie":
+            return [_scalp_cover(style, 0.008, 0.0, CAP)]
 
 
 def _scalp_cover(style: HairStyle, thickness: float, flare: float, region: Region = HAIR) -> TriangleMesh:
     """Hair or a cap offset from the skull, thickest at the crown; `flare` adds to it towards the back and the edge."""
     angle = ring_angles(_RING_POINTS)
-    edge = np.full(_RING_POINTS, 0.108) if style == "cap" else hairline(style, angle)
+    edge = np.full(_RING_POINTS, 0.108) if region is CAP else hairline(style, angle)
     share = np.array([0.0, 0.12, 0.30, 0.54, 0.79, 1.0, 1.02])
     # Rings are denser towards the crown, where the curvature of the skull is highest.
     z = _CROWN_Z - (_CROWN_Z - edge[None]) * share[:, None] ** 1.35
     points = _skull_points(np.broadcast_to(angle, z.shape), z)
     outward = points - np.array([-0.002, 0.0, 0.098])
     outward /= np.sqrt((outward**2).sum(axis=2, keepdims=True))
-    falloff = (1.3, 1.3, 1.3, 1.2, 1.05, 0.9, -0.5) if style == "cap" else (1.15, 1.15, 1.1, 1.0, 0.8, 0.25, -0.5)
+    crown, rim = (1.3, 0.9) if style == "cap" else (2.4, 1.1) if style == "beanie" else (1.15, 0.25)
+    falloff = np.interp(share, (0.0, 0.3, 0.79, 1.0, 1.02), (crown, crown, 0.5 * (crown + rim), rim, -0.5))
     flared = flare * np.clip(np.abs(angle) / np.pi, 0.3, 1.0)[None] * np.clip(share, 0, 0.8)[:, None]
-    offset = (thickness * np.array(falloff))[:, None] + flared
+    offset = (thickness * falloff)[:, None] + flared
     if region is HAIR:
         # Strands lie over each other.
         offset *= 1.0 + _UNEVEN * np.random.default_rng(len(style)).standard_normal(offset.shape)
@@ -111,18 +116,22 @@ def _skull_points(angle: FloatArray, z: FloatArray) -> FloatArray:
     return np.stack([centre + np.where(x > 0, front, back) * x, side * y, z], axis=-1)
 
 
-def _back_hair(low: float, high: float) -> TriangleMesh:
-    """Hair hanging behind the ears and down the back, between two heights [statures]."""
-    share = np.linspace(0.0, 1.0, 6)
+def _back_hair(low: float) -> TriangleMesh:
+    """Hair hanging behind the ears and down the back to a height [statures]."""
+    z = np.array([0.126, 0.113, 0.092, 0.070, *np.linspace(0.046, low, 3), low - 0.006])
+    hang = np.linspace(0.0, 1.0, 4) * (0.046 - low)
+    # It lies on the scalp, falls behind the ears and becomes thinner towards its end.
+    behind = np.array([0.0, 0.072, 0.080, 0.080, *(0.077 - 0.05 * hang[1:]), 0.060])
     table = profile(
-        z=np.linspace(high, low, 6),
-        x=-0.022 - 0.016 * share,
-        front=0.031,
-        back=0.043 - 0.010 * share,
-        side=0.0530 + 0.003 * np.sin(np.pi * share) - 0.012 * share**2,
+        z=z,
+        x=-0.030,
+        front=np.array([0.0, 0.030, 0.036, 0.038, *(0.038 - 0.12 * hang[1:]), 0.0]),
+        back=np.maximum(behind - 0.030, 0.0) * (z > low - 0.003),
+        side=np.array([0.0, 0.044, 0.0545, 0.0565, *(0.056 - 0.13 * hang[1:]), 0.0]),
     )
-    table = np.vstack([(high + 0.012, -0.025, 0, 0, 0, 0), table, (low - 0.006, -0.038, 0, 0, 0, 0)])
-    return region_mesh(superellipse_rings(table, 12, power=2.4), HAIR)
+    rings = superellipse_rings(table, 12, power=2.3)
+    rings[..., 1] *= 1.0 + 0.04 * np.sin(110.0 * rings[..., 2] + 2.0 * np.sign(rings[..., 1]))
+    return region_mesh(rings, HAIR)
 
 
 def _bun() -> TriangleMesh:

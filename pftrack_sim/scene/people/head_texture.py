@@ -30,7 +30,7 @@ def texture_row(z: ArrayLike) -> FloatArray:
 
 def hairline(style: HairStyle, angle: FloatArray) -> FloatArray:
     """Height of the lower edge of the hair by direction [rad]."""
-    side, nape = {"medium": (0.070, 0.024), "long": (0.078, 0.020)}.get(style, (0.092, 0.040))
+    side, nape = {"medium": (0.070, 0.024), "long": (0.078, 0.020), "curly": (0.082, 0.030)}.get(style, (0.092, 0.040))
     angles = np.array([0.0, 0.45, 0.80, 1.10, 1.45, 1.75, 2.2, np.pi])
     heights = np.array([0.1335, 0.1320, 0.1220, side, side - 0.012, 0.5 * (side + nape), nape + 0.008, nape])
     return np.interp(np.abs(angle), angles, heights)
@@ -55,6 +55,12 @@ def paint_head(anatomy: Anatomy) -> Image:
         _draw_line(canvas, ((0.18 * side, 0.1020), (0.36 * side, 0.1055), (0.55 * side, 0.1030)), brow, 2.0)
     _draw_ellipse(canvas, 0.0, 0.0480, 0.27, 0.0030, lips)
     _draw_line(canvas, ((-0.27, 0.0484), (0.0, 0.0478), (0.27, 0.0484)), [int(value * 0.6) for value in lips], 0.8)
+    if anatomy.glasses != "none":
+        frame = (36, 32, 32)
+        for side in (-1, 1):
+            _draw_ellipse(canvas, 0.37 * side, 0.0915, 0.215, 0.0085, frame, -1 if anatomy.glasses == "dark" else 2)
+            _draw_line(canvas, ((0.55 * side, 0.0935), (1.45 * side, 0.0935)), frame, 1.4)
+        _draw_line(canvas, ((-0.17, 0.0935), (0.17, 0.0935)), frame, 1.4)
     return np.asarray(cv2.resize(canvas, HEAD_SIZE[::-1], interpolation=cv2.INTER_AREA), np.uint8)
 
 
@@ -97,9 +103,10 @@ def _complexion() -> NDArray[np.float32]:
 def _beard() -> NDArray[np.float32]:
     """`(h, W)` share of the beard on the upper rows of the canvas; read-only."""
     rows, angle = _grid()
-    jaw = texture_row(0.070) + 9.0 * np.clip(1.0 - np.abs(angle) / 0.5, 0.0, 1.0)
-    mask = np.clip((jaw - rows) / -3.0, 0.0, 1.0) * np.clip((texture_row(0.026) - rows) / 3.0, 0.0, 1.0)
-    return _upper_rows(mask * np.clip((1.5 - np.abs(angle)) / 0.2, 0.0, 1.0))
+    # Whiskers before the ears, around the mouth and below the jaw.
+    top = np.interp(np.abs(angle), (0.0, 0.35, 0.6, 1.2, 1.45), (0.0575, 0.055, 0.050, 0.058, 0.092))
+    mask = np.clip((rows - texture_row(top)) / 7.0, 0.0, 1.0) * np.clip((texture_row(0.026) - rows) / 6.0, 0.0, 1.0)
+    return _upper_rows(mask * np.clip((1.6 - np.abs(angle)) / 0.3, 0.0, 1.0))
 
 
 @cache
@@ -127,12 +134,18 @@ def _canvas_pixel(angle: float, z: float) -> tuple[int, int]:
 
 
 def _draw_ellipse(
-    canvas: NDArray[np.uint8], angle: float, z: float, half_angle: float, half_z: float, colour: Sequence[int]
+    canvas: NDArray[np.uint8],
+    angle: float,
+    z: float,
+    half_angle: float,
+    half_z: float,
+    colour: Sequence[int],
+    line_px: int = -1,
 ) -> None:
     half_width = round(half_angle / (2.0 * np.pi) * HEAD_SIZE[1] * _OVERSAMPLING)
     half_height = round(half_z / (_TOP_Z - _BOTTOM_Z) * HEAD_SIZE[0] * _OVERSAMPLING)
     centre = _canvas_pixel(angle, z)
-    cv2.ellipse(canvas, centre, (half_width, half_height), 0.0, 0.0, 360.0, colour, -1, cv2.LINE_AA)
+    cv2.ellipse(canvas, centre, (half_width, half_height), 0.0, 0.0, 360.0, colour, line_px, cv2.LINE_AA)
 
 
 def _draw_line(

@@ -57,7 +57,9 @@ class Outfit:
     Attributes:
         long_sleeves: Sleeves reach the wrist; else they end above the elbow.
         long_legs: Trousers reach the ankle; else they end above the knee.
-        cut: Of the top: a shirt, a jacket that covers the hips and has a row of buttons, or a jumper with a hood.
+        cut: Of the top: a shirt, a jacket that covers the hips and has a row of buttons or is open, or a jumper with a
+            hood.
+        skirt: In place of trousers, where the figure is feminine.
         looseness: 0 for tight, 1 for wide.
     """
 
@@ -68,6 +70,7 @@ class Outfit:
     long_legs: bool = True
     cut: Cut = "shirt"
     looseness: float = 0.5
+    skirt: bool = False
 
 
 def sample_outfit(rng: np.random.Generator) -> Outfit:
@@ -82,6 +85,7 @@ def sample_outfit(rng: np.random.Generator) -> Outfit:
         long_legs=bool(rng.random() < 0.88),
         cut=cut,
         looseness=float(rng.uniform(0.2, 0.9)),
+        skirt=bool(rng.random() < 0.3),
     )
 
 
@@ -100,7 +104,7 @@ def dressed(outfit: Outfit, clothes: Clothes) -> Outfit:
 
 def groomed(anatomy: Anatomy, clothes: Clothes) -> Anatomy:
     """The body with what a scenario says of its build, skin and hair."""
-    said: dict[str, Any] = {"hair_style": clothes.hair, "girth": clothes.girth}
+    said: dict[str, Any] = {"hair_style": clothes.hair, "glasses": clothes.glasses, "girth": clothes.girth}
     if clothes.skin is not None:
         said["skin"] = _of_hex(clothes.skin)
     return replace(anatomy, **{name: value for name, value in said.items() if value is not None})
@@ -120,7 +124,7 @@ def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: floa
     """
     candidates = [sample_outfit(rng) for _ in range(12)]
     other = max(candidates, key=lambda candidate: min(_dissimilarity(candidate, reference), 1.0))
-    draws = rng.random(6)
+    draws = rng.random(7)
     if similarity == 1.0:
         return reference
     same_top, same_bottom, *same = [bool(draw < similarity) for draw in draws]
@@ -132,6 +136,7 @@ def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: floa
         long_legs=(reference if same[1] else other).long_legs,
         cut=(reference if same[2] else other).cut,
         looseness=(reference if same[3] else other).looseness,
+        skirt=(reference if same[4] else other).skirt,
     )
 
 

@@ -63,7 +63,9 @@ def paint_atlas(anatomy: Anatomy, outfit: Outfit) -> NDArray[np.uint8]:
 def _hair_texture(colour: Colour, contrast: float) -> NDArray[np.uint8]:
     """Vertical streaks of varying brightness."""
     streaks, deviation = _streaks()
-    brightness = 1.0 + contrast * streaks / deviation
+    # Hair shines below the crown, and strands are darker towards their ends.
+    sheen = np.interp(np.arange(HAIR.height), (0, 10, 20, 34, 58), (0.0, 0.6, 2.2, 0.0, -1.6))[:, None]
+    brightness = 1.0 + contrast * (streaks / deviation + sheen)
     return np.clip(np.array(colour, float) * brightness[..., None], 0, 255).astype(np.uint8)
 
 

@@ -122,7 +122,7 @@ def test_atlas_is_an_image_and_repeatable():
 def test_meshes_have_few_faces_and_outward_unit_normals(seed: int):
     meshes = part_meshes(person(seed))
     assert tuple(meshes) == PARTS
-    assert sum(len(mesh.faces) for mesh in meshes.values()) < 3400
+    assert sum(len(mesh.faces) for mesh in meshes.values()) < 3500
     for name, mesh in meshes.items():
         assert np.abs(np.linalg.norm(mesh.normals, axis=1) - 1.0).max() < 1e-6, name
         assert mesh.pixels.min() >= 0.0, name
@@ -219,7 +219,7 @@ def test_jackets_cover_the_hips_and_hoods_stand_off_the_neck() -> None:
     someone = person(0)
     low, back = {}, {}
     for cut in ("shirt", "jacket", "hood"):
-        torso = part_meshes(replace(someone, outfit=replace(someone.outfit, cut=cut)))["torso"].vertices
+        torso = part_meshes(replace(someone, outfit=replace(someone.outfit, cut=cut, looseness=0.2)))["torso"].vertices
         low[cut], back[cut] = torso[:, 2].min(), torso[torso[:, 2] > 0.9 * torso[:, 2].max(), 0].min()
     assert low["jacket"] < low["shirt"] - 0.05
     assert low["hood"] == low["shirt"]
