@@ -33,6 +33,7 @@ from pftrack_sim.scene.thing import BEARER, WALKER, add_thing
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
 _MAX_SHADE = 0.9
+_TROUSERS = {"skirt": False}  # Of who sits: a skirt would hang through the seat
 _CONTACT_PX, _CONTACT_HALF_M = 64, (0.30, 0.19)
 
 
@@ -114,6 +115,9 @@ def add_agents(
         The people, the target first; where that is a thing, who carries it, or a walker who is not there.
     """
     wardrobe = settings.target.wardrobe or settings.place.kind
+    clothes = settings.target.clothes
+    if any(action.kind == "sit" for action in settings.target.actions):
+        clothes = clothes.model_copy(update=_TROUSERS)
     people = sample_people(
         int(random_streams.stream(seed, "wardrobe", wardrobe).integers(2**32)),
         settings.target.height_m,
@@ -122,7 +126,12 @@ def add_agents(
         [walker.similarity for walker in _walkers(settings)],
         [settings.axes.distractors.similarity] * len(settings.axes.distractors.passings_s),
         [group.similarity for group in settings.groups for _ in range(group.count)],
-        settings.target.clothes,
+        clothes,
+    )
+    seats = [group.kind == "sit" for group in settings.groups for _ in range(group.count)]
+    seated = {f"member-{number}" for number, sits in enumerate(seats, start=1) if sits}
+    people = tuple(
+        replace(one, outfit=replace(one.outfit, **_TROUSERS)) if one.name in seated else one for one in people
     )
     thing = settings.target.thing
     if thing is not None:

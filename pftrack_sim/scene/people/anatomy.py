@@ -137,7 +137,15 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
 
 def _hair_style(feminine: bool, drawn: float) -> HairStyle:
     styles: tuple[tuple[HairStyle, float], ...] = (
-        (("long", 0.34), ("bun", 0.20), ("medium", 0.24), ("curly", 0.10), ("short", 0.06), ("cap", 0.03), ("beanie", 0.03))
+        (
+            ("long", 0.34),
+            ("bun", 0.20),
+            ("medium", 0.24),
+            ("curly", 0.10),
+            ("short", 0.06),
+            ("cap", 0.03),
+            ("beanie", 0.03),
+        )
         if feminine
         else (("short", 0.58), ("medium", 0.10), ("curly", 0.06), ("cap", 0.10), ("beanie", 0.06), ("bald", 0.10))
     )

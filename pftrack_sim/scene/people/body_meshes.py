@@ -30,11 +30,16 @@ _SLEEVE_COLUMN = 406.0  # Sleeves show cloth from beside the chest, outside the 
 
 _PALM_RINGS = 4
 # Of index, middle, ring and little finger: place ahead of the wrist and beside it, length and bend.
-_FINGERS = ((0.0185, -0.002, 1.0, 0.8), (0.0075, -0.001, 1.1, 1.0), (-0.003, -0.001, 1.02, 1.2), (-0.0125, -0.003, 0.8, 1.4))
+_FINGERS = (
+    (0.0185, -0.002, 1.0, 0.8),
+    (0.0075, -0.001, 1.1, 1.0),
+    (-0.003, -0.001, 1.02, 1.2),
+    (-0.0125, -0.003, 0.8, 1.4),
+)
 
 
 def torso_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
-    """Waist (the origin) to the base of the neck, in a top that hangs over the hips: a jacket, and what is loose, lower."""
+    """Waist (the origin) to the base of the neck, in a top that hangs over the hips; jackets and loose tops lower."""
     h, g, f, ease = anatomy.height_m, anatomy.girth, anatomy.figure, 0.0015 + 0.007 * outfit.looseness
     table = load_profile("torso")
     # The hem hangs straight down from the hips, before and behind which it stands off.
@@ -87,7 +92,8 @@ def thigh_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     garment = skin.copy()
     garment[2:, 3:] += ease * h
     if in_skirt(anatomy, outfit):
-        skin[:7, 3:] *= np.array([0.6, 0.6, 0.6, 0.6, 0.6, 0.7, 0.88])[:, None]  # in a stride, what the skirt covers stays in it
+        # Thin enough not to leave the skirt in a stride.
+        skin[:7, 3:] *= np.array([0.6, 0.6, 0.6, 0.6, 0.6, 0.7, 0.88])[:, None]
         return skin_mesh(superellipse_rings(skin, 10))
     if outfit.long_legs:
         return cloth_mesh(superellipse_rings(garment, 10), BOTTOM, _FRONT_COLUMN, _BELT * h, length_m=_LEG_SHARE * h)

@@ -34,27 +34,29 @@ def cloth_texture(outfit: Outfit, name: GarmentName) -> Image:
     down, around = np.arange(height, dtype=float), np.arange(width, dtype=float) - 0.5 * width
     rng = np.random.default_rng(garment.texture_seed)
     shares = _accent_shares(garment.pattern, down[:, None], around, garment.scale_m / PIXEL_M, rng)
-    jacket, hood = name == "top" and outfit.cut == "jacket", name == "top" and outfit.cut == "hood"
-    opened = jacket and garment.texture_seed % 2 == 1
-    if opened:  # over a shirt
-        edge = np.abs(around) - np.interp(down, (0.0, 60.0, height), (34.0, 15.0, 22.0))[:, None]
-        shares = np.where(edge < 0.0, 1.0, shares)
-    dyed = (colour + (accent - colour) * shares.astype(np.float32)) * _shading(name, garment.texture_seed % 8)
-    if opened:
-        dyed *= (1.0 - 0.5 * np.exp(-((edge / 3.0) ** 2))).astype(np.float32)
-    elif jacket:
+    shading = _shading(name, garment.texture_seed % 8)
+    cut = "shoes" if name == "shoes" else outfit.cut if name == "top" else "shirt"
+    if cut == "jacket" and garment.texture_seed % 2:  # Open, over a shirt of the accent's colour
+        seam = np.abs(around) - np.interp(down, (0.0, 60.0, height), (34.0, 15.0, 22.0))[:, None]
+        shares = np.where(seam < 0.0, 1.0, shares * (garment.pattern != "print"))
+        shading = shading * (1.0 - 0.5 * np.exp(-((seam / 3.0) ** 2))).astype(np.float32)
+        cut = "open"
+    dyed = (colour + (accent - colour) * shares.astype(np.float32)) * shading
+    if cut == "jacket":
         dyed[..., np.abs(around) < 1.6] *= 0.62
-    elif hood:
-        pocket = (down[:, None] > 142) & (down[:, None] < 190) & (np.abs(around) < 62.0)
-        dyed[:, pocket & ~cv2.erode(pocket.astype(np.uint8), np.ones((5, 5))).astype(bool)] *= 0.72
+    elif cut == "hood":  # With a pocket
+        dyed[:, np.abs(np.maximum(np.abs(down - 166.0)[:, None] - 23.0, np.abs(around) - 60.0)) < 1.5] *= 0.72
     image = np.asarray(cv2.convertScaleAbs(cv2.merge([*dyed])), np.uint8)
-    if name == "shoes":
-        image[int(0.80 * height) :] = garment.accent
-        _sew(image, (down < 0.5 * height) & (down % 7 < 2), np.abs(around) < 9, 0.6, (210, 208, 202))  # laces
-    elif jacket and not opened:
-        _sew(image, (down % 34 < 4.4) & (down > 6), np.abs(around - 5.0) < 2.2, 0.5, (215, 212, 204))
-    elif hood:
-        _sew(image, (down > 20) & (down < 62), np.abs(np.abs(around) - 13.0) < 1.6, 0.6, (225, 222, 214))  # strings
+    match cut:
+        case "shoes":
+            image[int(0.80 * height) :] = garment.accent
+            _sew(image, (down < 0.5 * height) & (down % 7 < 2), np.abs(around) < 9, 0.6, (210, 208, 202))  # laces
+        case "jacket":
+            _sew(image, (down % 34 < 4.4) & (down > 6), np.abs(around - 5.0) < 2.2, 0.5, (215, 212, 204))
+        case "hood":
+            _sew(image, (down > 20) & (down < 62), np.abs(np.abs(around) - 13.0) < 1.6, 0.6, (225, 222, 214))  # cords
+        case _:
+            pass
     return image
 
 
@@ -108,9 +110,9 @@ def _folds(name: GarmentName, seed: int) -> NDArray[np.float32]:
         slanted = cv2.remap(blurred, columns.astype(np.float32), rows.astype(np.float32), cv2.INTER_LINEAR)
         # Cloth hangs between sharp ridges.
         relief -= weight * size_px * np.abs(slanted[:, small[1] : 2 * small[1]]) / blurred.std()
-    lit = np.gradient(relief, axis=0)
-    lit = np.asarray(cv2.resize(lit / lit.std(), (width, small[0] * coarse), interpolation=cv2.INTER_CUBIC)[:height])
-    return (1.0 + _FOLD_DEPTH[name] * lit).astype(np.float32)
+    lit: FloatArray = np.gradient(relief, axis=0)
+    fine = np.asarray(cv2.resize(lit, (width, small[0] * coarse), interpolation=cv2.INTER_CUBIC), dtype=np.float64)
+    return (1.0 + _FOLD_DEPTH[name] * fine[:height] / lit.std()).astype(np.float32)
 
 
 def _inside(distance_px: FloatArray) -> FloatArray:

@@ -98,7 +98,7 @@ def dressed(outfit: Outfit, clothes: Clothes) -> Outfit:
     }
     if clothes.pattern is not None:
         garments["top"] = replace(garments.get("top", outfit.top), pattern=clothes.pattern)
-    cut: dict[str, Any] = {name: getattr(clothes, name) for name in ("cut", "long_sleeves", "long_legs")}
+    cut: dict[str, Any] = {name: getattr(clothes, name) for name in ("cut", "long_sleeves", "long_legs", "skirt")}
     return replace(outfit, **garments, **{name: value for name, value in cut.items() if value is not None})
 
 

@@ -226,6 +226,21 @@ def test_jackets_cover_the_hips_and_hoods_stand_off_the_neck() -> None:
     assert back["hood"] < back["shirt"] - 0.01
 
 
+def test_skirts_hang_below_the_hips_of_feminine_figures_that_do_not_sit() -> None:
+    someone = person(0)
+    skirt = replace(someone.outfit, skirt=True)
+    low = {
+        figure: part_meshes(replace(someone, anatomy=replace(someone.anatomy, figure=figure), outfit=skirt))["pelvis"]
+        for figure in (0.0, 1.0)
+    }
+    assert low[1.0].vertices[:, 2].min() < low[0.0].vertices[:, 2].min() - 0.1
+    sit = {"kind": "sit", "at_s": 3.0}
+    for actions, worn in (([], True), ([sit], False)):
+        clothes = {"target.clothes.skirt": True, "target.actions": actions}
+        settings = scenario.load("hall", clothes).resolve(3)
+        assert add_agents(SceneSpec(), settings, 3, {}, {})[0].outfit.skirt is worn
+
+
 @pytest.mark.parametrize("mirror", [1.0, -1.0])
 @pytest.mark.parametrize("name", ["torso", "forearm", "ear"])
 def test_normals_are_means_of_the_faces_weighted_by_area(name: str, mirror: float):
