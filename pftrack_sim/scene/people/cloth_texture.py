@@ -5,7 +5,7 @@ Columns of a texture go around the body (front in the middle), rows go down.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Literal, TypeAlias
 
 import cv2
@@ -23,6 +23,7 @@ PIXEL_M = 0.00215  # size of a cloth pixel on the body
 _SIZES: dict[GarmentName, tuple[int, int]] = {"top": (232, 512), "bottom": (150, 512), "shoes": (48, 96)}
 _FOLD_DEPTH: dict[GarmentName, float] = {"top": 0.07, "bottom": 0.07, "shoes": 0.03}
 _PRINT_PX = 42.0  # Radius of a print
+_MIDDLE_PX = 64  # Half width of what is opened, or carries a pocket
 
 
 def cloth_texture(outfit: Outfit, name: GarmentName) -> Image:
@@ -36,16 +37,21 @@ def cloth_texture(outfit: Outfit, name: GarmentName) -> Image:
     shares = _accent_shares(garment.pattern, down[:, None], around, garment.scale_m / PIXEL_M, rng)
     shading = _shading(name, garment.texture_seed % 8)
     cut = "shoes" if name == "shoes" else outfit.cut if name == "top" else "shirt"
+    middle = slice(width // 2 - _MIDDLE_PX, width // 2 + _MIDDLE_PX)
     if cut == "jacket" and garment.texture_seed % 2:  # Open, over a shirt of the accent's colour
-        seam = np.abs(around) - np.interp(down, (0.0, 60.0, height), (34.0, 15.0, 22.0))[:, None]
-        shares = np.where(seam < 0.0, 1.0, shares * (garment.pattern != "print"))
-        shading = shading * (1.0 - 0.5 * np.exp(-((seam / 3.0) ** 2))).astype(np.float32)
-        cut = "open"
+        cut, seam = "open", _seam()
+        shares = np.broadcast_to(shares * (garment.pattern != "print"), shading.shape).copy()
+        shares[:, middle][seam < 0.0] = 1.0
     dyed = (colour + (accent - colour) * shares.astype(np.float32)) * shading
-    if cut == "jacket":
-        dyed[..., np.abs(around) < 1.6] *= 0.62
-    elif cut == "hood":  # With a pocket
-        dyed[:, np.abs(np.maximum(np.abs(down - 166.0)[:, None] - 23.0, np.abs(around) - 60.0)) < 1.5] *= 0.72
+    match cut:
+        case "open":
+            dyed[..., middle][:, np.abs(_seam()) < 2.5] *= 0.62
+        case "jacket":
+            dyed[..., np.abs(around) < 1.6] *= 0.62
+        case "hood":
+            dyed[..., middle][:, np.abs(_pocket()) < 1.5] *= 0.72
+        case _:
+            pass
     image = np.asarray(cv2.convertScaleAbs(cv2.merge([*dyed])), np.uint8)
     match cut:
         case "shoes":
@@ -58,6 +64,20 @@ def cloth_texture(outfit: Outfit, name: GarmentName) -> Image:
         case _:
             pass
     return image
+
+
+@cache
+def _seam() -> FloatArray:
+    """`(h, w)` distance beyond the edge of an open jacket, in its middle columns [px]."""
+    edge = np.interp(np.arange(_SIZES["top"][0]), (0, 60, 232), (34.0, 15.0, 22.0))
+    return np.abs(np.arange(-_MIDDLE_PX, _MIDDLE_PX)) - edge[:, None]
+
+
+@cache
+def _pocket() -> FloatArray:
+    """`(h, w)` distance beyond the edge of a pocket before the belly, in the middle columns [px]."""
+    down, around = np.arange(_SIZES["top"][0]), np.arange(-_MIDDLE_PX, _MIDDLE_PX)
+    return np.maximum(np.abs(down - 166.0)[:, None] - 23.0, np.abs(around) - 60.0)
 
 
 def _sew(image: Image, rows: BoolArray, columns: BoolArray, share: float, colour: Colour) -> None:
