@@ -286,7 +286,7 @@ class Clothes(Section):
     cut: Literal["shirt", "jacket", "hood"] | None = setting(None, "Of the top: with a hood, or a jacket to the hips.")
     long_sleeves: bool | None = setting(None, "Whether sleeves reach the wrists.")
     long_legs: bool | None = setting(None, "Whether trousers reach the ankles.")
-    skirt: bool | None = setting(None, "Whether a feminine figure wears a skirt; not where it sits.")
+    skirt: bool | None = setting(None, "Whether a feminine figure wears a skirt; not where it sits or stoops.")
     hair: Literal["short", "medium", "long", "curly", "bun", "cap", "beanie", "bald"] | None = setting(
         None, "Hair, or what covers it."
     )

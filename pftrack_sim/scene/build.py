@@ -33,7 +33,7 @@ from pftrack_sim.scene.thing import BEARER, WALKER, add_thing
 
 NEAR_M, FAR_M = 0.05, 120.0  # Clipping planes of the camera: nothing nearer or farther is drawn
 _MAX_SHADE = 0.9
-_TROUSERS = {"skirt": False}  # Of who sits: a skirt would hang through the seat
+_TROUSERS = {"skirt": False}  # Of who sits or stoops: a skirt would hang through the seat, or stand off
 _CONTACT_PX, _CONTACT_HALF_M = 64, (0.30, 0.19)
 
 
@@ -116,7 +116,7 @@ def add_agents(
     """
     wardrobe = settings.target.wardrobe or settings.place.kind
     clothes = settings.target.clothes
-    if any(action.kind == "sit" for action in settings.target.actions):
+    if any(action.kind in ("sit", "crouch", "bend") for action in settings.target.actions):
         clothes = clothes.model_copy(update=_TROUSERS)
     people = sample_people(
         int(random_streams.stream(seed, "wardrobe", wardrobe).integers(2**32)),

@@ -226,7 +226,7 @@ def test_jackets_cover_the_hips_and_hoods_stand_off_the_neck() -> None:
     assert back["hood"] < back["shirt"] - 0.01
 
 
-def test_skirts_hang_below_the_hips_of_feminine_figures_that_do_not_sit() -> None:
+def test_skirts_hang_below_the_hips_of_feminine_figures_that_do_not_stoop() -> None:
     someone = person(0)
     skirt = replace(someone.outfit, skirt=True)
     low = {
@@ -234,8 +234,8 @@ def test_skirts_hang_below_the_hips_of_feminine_figures_that_do_not_sit() -> Non
         for figure in (0.0, 1.0)
     }
     assert low[1.0].vertices[:, 2].min() < low[0.0].vertices[:, 2].min() - 0.1
-    sit = {"kind": "sit", "at_s": 3.0}
-    for actions, worn in (([], True), ([sit], False)):
+    for kind, worn in (("wave", True), ("sit", False), ("crouch", False), ("bend", False)):
+        actions = [{"kind": kind, "at_s": 3.0}]
         clothes = {"target.clothes.skirt": True, "target.actions": actions}
         settings = scenario.load("hall", clothes).resolve(3)
         assert add_agents(SceneSpec(), settings, 3, {}, {})[0].outfit.skirt is worn
