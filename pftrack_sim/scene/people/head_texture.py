@@ -49,18 +49,18 @@ def paint_head(anatomy: Anatomy) -> Image:
     brow = [int(value) for value in (0.75 * hair + 0.12 * skin).flat]
     lips = [int(value * share) for value, share in zip(anatomy.skin, (0.80, 0.52, 0.50), strict=True)]
     for side in (-1, 1):
-        _draw_ellipse(canvas, 0.37 * side, 0.0920, 0.125, 0.0036, (232, 228, 222))
-        _draw_ellipse(canvas, 0.365 * side, 0.0922, 0.050, 0.0038, (52, 36, 26))
-        _draw_line(canvas, ((0.24 * side, 0.0950), (0.37 * side, 0.0968), (0.50 * side, 0.0945)), (44, 30, 26), 0.9)
-        _draw_line(canvas, ((0.18 * side, 0.1020), (0.36 * side, 0.1055), (0.55 * side, 0.1030)), brow, 2.0)
-    _draw_ellipse(canvas, 0.0, 0.0480, 0.27, 0.0030, lips)
-    _draw_line(canvas, ((-0.27, 0.0484), (0.0, 0.0478), (0.27, 0.0484)), [int(value * 0.6) for value in lips], 0.8)
+        _draw_ellipse(canvas, 0.37 * side, 0.0940, 0.150, 0.0036, (226, 221, 214))
+        _draw_ellipse(canvas, 0.365 * side, 0.0943, 0.060, 0.0038, (52, 36, 26))
+        _draw_line(canvas, ((0.22 * side, 0.0962), (0.37 * side, 0.0984), (0.53 * side, 0.0960)), (44, 30, 26), 0.9)
+        _draw_line(canvas, ((0.17 * side, 0.1040), (0.36 * side, 0.1072), (0.58 * side, 0.1042)), brow, 2.0)
+    _draw_ellipse(canvas, 0.0, 0.0525, 0.27, 0.0034, lips)
+    _draw_line(canvas, ((-0.27, 0.0530), (0.0, 0.0524), (0.27, 0.0530)), [int(value * 0.6) for value in lips], 0.8)
     if anatomy.glasses != "none":
         frame = (36, 32, 32)
         for side in (-1, 1):
-            _draw_ellipse(canvas, 0.37 * side, 0.0915, 0.215, 0.0085, frame, -1 if anatomy.glasses == "dark" else 2)
-            _draw_line(canvas, ((0.55 * side, 0.0935), (1.45 * side, 0.0935)), frame, 1.4)
-        _draw_line(canvas, ((-0.17, 0.0935), (0.17, 0.0935)), frame, 1.4)
+            _draw_ellipse(canvas, 0.37 * side, 0.0935, 0.225, 0.0085, frame, -1 if anatomy.glasses == "dark" else 2)
+            _draw_line(canvas, ((0.55 * side, 0.0955), (1.45 * side, 0.0955)), frame, 1.4)
+        _draw_line(canvas, ((-0.16, 0.0950), (0.16, 0.0950)), frame, 1.4)
     return np.asarray(cv2.resize(canvas, HEAD_SIZE[::-1], interpolation=cv2.INTER_AREA), np.uint8)
 
 
@@ -91,11 +91,13 @@ def _complexion() -> NDArray[np.float32]:
     shadow, blush = (0.55, 0.45, 0.42), (1.0, 0.72, 0.68)
     add(0.55, 0.020, 0.0, 0.012, 1.2, shadow)  # below the chin
     for side in (-1.0, 1.0):
-        add(0.42, 0.0945, 0.37 * side, 0.006, 0.17, shadow)  # eye sockets
+        add(0.42, 0.0965, 0.37 * side, 0.006, 0.19, shadow)  # eye sockets
         add(0.22, 0.066, 0.52 * side, 0.010, 0.18, blush)  # cheeks
         add(0.16, 0.0660, 0.13 * side, 0.007, 0.035, shadow)  # beside the nose
         add(0.40, 0.0610, 0.07 * side, 0.0016, 0.04, shadow)  # nostrils
+        add(0.20, 0.0500, 1.15 * side, 0.045, 0.45, shadow)  # beside the jaw
     add(0.18, 0.0590, 0.0, 0.003, 0.12, shadow)  # below the nose
+    add(0.20, 0.0465, 0.0, 0.003, 0.22, shadow)  # below the lips
     return _frozen(factors)
 
 
