@@ -138,24 +138,24 @@ def _base(name: str, named_in: Path | None) -> tuple[Path, Tree]:
 
 def _with_files(name: str, tree: Tree, folder: Path) -> Tree:
     """The tree with what the files that it names tell in their place; paths are relative to the folder."""
-    for table in ("place", "robot"):
-        tree = _with_model(name, tree, table, folder)
+    for table, key in (("place", "model"), ("robot", "model"), ("robot", "motion")):
+        tree = _with_file(name, tree, table, key, folder)
     return _with_calibration(name, tree, folder)
 
 
-def _with_model(name: str, tree: Tree, table: str, folder: Path) -> Tree:
-    """The tree with the whole path of the `model` of a table, and a digest of the file and those that it names."""
+def _with_file(name: str, tree: Tree, table: str, key: str, folder: Path) -> Tree:
+    """The tree with the whole path of the file at a key of a table, and a digest of it and those that it names."""
     own = tree.get(table)
-    file = cast("Tree", own).get("model") if isinstance(own, Mapping) else None
+    file = cast("Tree", own).get(key) if isinstance(own, Mapping) else None
     if not isinstance(file, str) or file.startswith("menagerie:"):
         return tree
     path = (folder / file).resolve()
     if not is_file(path):
-        raise ScenarioError(name, [f"{table}.model: no such file: {one_line(str(path))}"])
+        raise ScenarioError(name, [f"{table}.{key}: no such file: {one_line(str(path))}"])
     try:
-        found = {"model": str(path), "model_digest": named_digest(path)}
+        found = {key: str(path), f"{key}_digest": named_digest(path)}
     except ParameterError as error:
-        raise ScenarioError(name, [f"{table}.model: {error}"]) from None
+        raise ScenarioError(name, [f"{table}.{key}: {error}"]) from None
     return {**tree, table: {**cast("Tree", own), **found}}
 
 

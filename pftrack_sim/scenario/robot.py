@@ -166,6 +166,10 @@ class Robot(Section):
     route: Route
     model: str | None = setting(None, "MJCF or URDF file of a robot, or 'menagerie:' and a name; left out, our own.")
     model_digest: str = setting("", "Digest of that file, as it was read.")
+    motion: str | None = setting(
+        None, "CSV of the recorded motion of a base: what is faster than a second shakes the robot."
+    )
+    motion_digest: str = setting("", "Digest of that file, as it was read.")
     camera_site: str | None = setting(
         None, "Its camera, or the site or link where the camera is; left out, its first camera, or one called camera."
     )

@@ -23,7 +23,7 @@ _HEAD = """\
 # per seed: {uniform = [1.0, 1.4]}, {integer = [2, 5]} or {choice = [0.4, 0.8]}. `pftrack-sim map` draws it from above.
 """
 _KEY = re.compile(r"""^\s*([\w"'.-]+)\s*=""")
-_FILLED = ("model_digest", "calibrated")  # From the files that other keys name
+_FILLED = ("model_digest", "motion_digest", "calibrated")  # From the files that other keys name
 _TABLE = re.compile(r"^\s*(\[\[?)\s*([\w\"'. -]+?)\s*\]\]?")
 
 

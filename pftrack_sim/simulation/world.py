@@ -15,13 +15,14 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.target import places_alone
 from pftrack_sim.agents.robot.drive import Equilibrium
+from pftrack_sim.agents.robot.motion import base_motion
 from pftrack_sim.agents.robot.robot import Robot
 from pftrack_sim.agents.robot.sensors import SensorErrors
 from pftrack_sim.agents.tracked_thing import TrackedThing
 from pftrack_sim.agents.traffic import Traffic
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ScenarioError
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.render.renderer import geoms_drawn
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.people import Item, grips_s
@@ -53,6 +54,7 @@ class World:
 
     def __init__(self, settings: ResolvedScenario, seed: int, *, draws: bool = True) -> None:
         self.settings = settings
+        self._motion = base_motion(settings)
         self.clock = Clock.for_rate(settings.camera.rate_hz)
         self._seed = seed
         self.path_m = target_points(settings, seed)
@@ -77,7 +79,10 @@ class World:
         self.people = self.traffic.names
         rng = random_streams.stream(seed, "lights", "axis")
         self._lighting = Lighting(self.model, settings.lights, settings.axes.light, rng)
-        self._mount_geoms = np.flatnonzero(geoms_drawn(self.model) & np.isin(self.model.geom_bodyid, mount(self.model)))
+        drawn, bodies = geoms_drawn(self.model), mount(self.model)
+        self._mount_geoms = np.flatnonzero(drawn & np.isin(self.model.geom_bodyid, bodies))
+        others = (self.model.body_rootid == self.model.body_rootid[bodies[0]])[self.model.geom_bodyid]
+        self._base_geoms = np.setdiff1d(np.flatnonzero(drawn & others), self._mount_geoms)
         self._sensors = SensorErrors(settings.robot.sensors, seed, self.clock.tick_s)
         self._ticks = 0
         self._collision: str | None = None
@@ -125,14 +130,21 @@ class World:
 
     def camera_pose(self) -> FloatArray:
         """`(4, 4)` T_world_camera of the camera on its mast, before any vibration of the mount."""
-        return self._state.T_world_camera.copy()
+        rest = self._state.T_world_camera
+        return rest.copy() if self._motion is None else self._motion.world_motion(self.robot_pose(), self.time_s) @ rest
 
     def displace_mount(self, T_world_camera: FloatArray) -> None:
         """Displace mast and head with the camera, which would otherwise see them, until it moves again.
 
         `T_world_camera` is the `(4, 4)` camera pose with the vibration of its mount.
         """
-        data, geoms, rest = self.data, self._mount_geoms, self._state.T_world_camera
+        self._displace(self._mount_geoms, T_world_camera)
+        if self._motion is not None:
+            self._displace(self._base_geoms, self.camera_pose())
+
+    def _displace(self, geoms: IntArray, T_world_camera: FloatArray) -> None:
+        """Displace geoms as the camera from where it is on its mast at rest."""
+        data, rest = self.data, self._state.T_world_camera
         rotation = T_world_camera[:3, :3] @ rest[:3, :3].T
         data.geom_xpos[geoms] = (data.geom_xpos[geoms] - rest[:3, 3]) @ rotation.T + T_world_camera[:3, 3]
         data.geom_xmat[geoms] = (rotation @ data.geom_xmat[geoms].reshape(-1, 3, 3)).reshape(-1, 9)
@@ -143,7 +155,7 @@ class World:
 
     def proprio(self) -> NDArray[np.float32]:
         """`(n,)` float32 proprioception of the robot, see `pftrack_sim.core.proprioception`."""
-        return self._sensors.read(self.robot.drive.proprio(self.data), self._ticks)
+        return self._sensors.read(self._felt(), self._ticks)
 
     def collision(self) -> str | None:
         """Name of the first person or thing that the robot touched since the previous frame, or None."""
@@ -170,7 +182,11 @@ class World:
 
     def _sense(self) -> None:
         if self._sensors.hold:
-            self._sensors.sense(self.robot.drive.proprio(self.data), self._ticks)
+            self._sensors.sense(self._felt(), self._ticks)
+
+    def _felt(self) -> NDArray[np.float32]:
+        proprio = self.robot.drive.proprio(self.data)
+        return proprio if self._motion is None else self._motion.felt(proprio, self.time_s)
 
     def _carried(self, anatomy: Anatomy) -> CarriedItems:
         target = self.settings.target

@@ -15,7 +15,7 @@ from pftrack_sim.scenario.robot import Sensors
 _ROUNDING = 1e-6
 _ROWS = {"odometry": slice(0, 5), "imu": slice(5, 11), "range": RANGES}  # Each a sensor with a rate and a delay
 
-_GYRO, _ACCELEROMETER = (
+GYRO, ACCELEROMETER = (
     [PROPRIO_INDEX[name.format(axis)] for axis in "xyz"] for name in ("gyro_{}_rad_s", "accelerometer_{}_m_s2")
 )
 
@@ -69,9 +69,9 @@ class SensorErrors:
             [sensors.accelerometer_noise_m_s2],
         ]
         measured = proprio.astype(np.float64)
-        measured[_GYRO], measured[_ACCELEROMETER] = (
+        measured[GYRO], measured[ACCELEROMETER] = (
             measured[rows] + bias + own
-            for rows, bias, own in zip((_GYRO, _ACCELEROMETER), self._bias, noise, strict=True)
+            for rows, bias, own in zip((GYRO, ACCELEROMETER), self._bias, noise, strict=True)
         )
         ranges = measured[RANGES]
         sigma = np.hypot(sensors.range_noise_m, sensors.range_noise_share * ranges)
