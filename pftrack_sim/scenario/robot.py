@@ -10,7 +10,15 @@ from pydantic import Field, model_validator
 from pftrack_sim.scenario.section import Angle, Coordinate, Point, Positive, Section, number, setting
 
 OWN_RADIUS_M = 0.25  # Of the robot that ships
-_ROLES = ("camera_site", "drive", "wheels", "pan", "tilt", "pose_deg")  # Keys about the file of a robot
+_ROLES = (
+    "camera_site",
+    "camera_rpy_deg",
+    "drive",
+    "wheels",
+    "pan",
+    "tilt",
+    "pose_deg",
+)  # Keys about the file of a robot
 
 
 class StillRoute(Section):
@@ -172,6 +180,9 @@ class Robot(Section):
     motion_digest: str = setting("", "Digest of that file, as it was read.")
     camera_site: str | None = setting(
         None, "Its camera, or the site or link where the camera is; left out, its first camera, or one called camera."
+    )
+    camera_rpy_deg: tuple[Angle, Angle, Angle] | None = setting(
+        None, "Roll, pitch and yaw by which it is turned in the axes of that link: x forward, y left, z up."
     )
     drive: Literal["planar", "omni", "differential"] = setting(
         "planar",

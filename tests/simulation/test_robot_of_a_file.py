@@ -1,6 +1,8 @@
 """A robot of a file: what is true of the robot that ships is true of it."""
 
+import json
 import math
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -229,6 +231,7 @@ def edited(old: str, new: str) -> Callable[[str], str]:
 WRONG: dict[str, tuple[str, Callable[[str], str], dict[str, object], str]] = {
     "no camera": ("mjcf", edited(EYE, ""), {}, r"camera_site: .*no camera.*neck"),
     "unknown site": ("mjcf", str, {"robot.camera_site": "eyes"}, r"camera_site: .*'eyes'; did you mean 'eye'"),
+    "on its side": ("mjcf", edited("0 -1 0 0 0 1", "0 0 1 0 1 0"), {}, r"not be up.*camera_rpy_deg = \[-?90, 0, 0\]"),
     "unknown joint": ("mjcf", str, {"robot.pan": "neck_pam"}, r"robot.pan: 'neck_pam'.*did you mean 'neck_pan'"),
     "wrong axis": ("mjcf", str, {"robot.tilt": "neck_pan", "robot.pan": "none"}, r"robot.tilt: .*not lateral"),
     "unknown wheel": ("mjcf", str, {"robot.wheels": ["wheel_l", "wheel"]}, r"wheels: 'wheel'.*did you mean 'wheel_"),
@@ -252,6 +255,25 @@ def test_what_is_wrong_with_a_file_is_one_message(case: str, tmp_path: Path):
     with Simulation(loaded, image=False) as own, pytest.raises(ScenarioError, match=message) as caught:
         own.reset(0)
     assert len(caught.value.problems) == 1
+
+
+@pytest.mark.parametrize("axes", ["0 0 1 0 1 0", "0 1 0 0 0 -1", "1 0 0 0 1 0"])
+def test_a_camera_that_lies_on_its_side_looks_ahead_as_the_message_says(axes: str, tmp_path: Path):
+    with simulation(write_mjcf(tmp_path)) as own:
+        wanted = own.reset(0).truth.T_world_camera
+    file = write_mjcf(tmp_path, MJCF.replace("0 -1 0 0 0 1", axes))
+    with simulation(file) as own, pytest.raises(ScenarioError) as caught:
+        own.reset(0)
+    turn = json.loads(re.search(r"camera_rpy_deg = (\[.*?\])", str(caught.value))[1])
+    with simulation(file, robot__camera_rpy_deg=turn) as own:
+        np.testing.assert_allclose(own.reset(0).truth.T_world_camera, wanted, atol=1e-6)
+
+
+def test_links_are_listed_from_above(tmp_path: Path):
+    """Cameras are mostly there, and a long list is cut."""
+    with simulation(write_mjcf(tmp_path, MJCF.replace(EYE, ""))) as own, pytest.raises(ScenarioError) as caught:
+        own.reset(0)
+    assert "(it has: face, neck, " in str(caught.value)
 
 
 def test_a_mesh_of_millions_of_triangles_is_refused_before_it_is_compiled(tmp_path: Path):

@@ -90,7 +90,7 @@ def fit(roles: Roles) -> FittedRobot:
     compiled, data = compile_file(roles.model)
     model: Any = compiled
     set_pose(model, data, roles.pose_deg)
-    camera, pose = locate_camera(model, data, roles.camera_site)
+    camera, pose = locate_camera(model, data, roles.camera_site, roles.camera_rpy_deg)
     turning = hinges_of(model)
     moving = [joint for body in ancestors(model, camera) for joint in turning if model.jnt_bodyid[joint] == body]
     pan = head_hinge(model, data, "robot.pan", roles.pan, moving, _UP)

@@ -18,6 +18,9 @@ _OBJECT = mujoco.mjtObj
 _ALONG = 0.8  # Cosine from which an axis counts as upright or lateral
 _FIXED_RAD = 1e-6
 _MOST_NAMES = 40
+_UPRIGHT = 0.5  # Cosine of the angle by which a camera may lean before it counts as one by mistake
+_LEVEL = 1e-3  # Cosine of a pitch below which it is a right angle
+_LINK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # Axes of OpenCV in those of a link
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,7 @@ class Roles:
     model: str
     digest: str
     camera_site: str | None
+    camera_rpy_deg: tuple[float, float, float] | None
     drive: str
     wheels: tuple[str, str] | None
     pan: str | None
@@ -40,6 +44,7 @@ class Roles:
             return None
         keys = (
             robot.camera_site,
+            robot.camera_rpy_deg,
             robot.drive,
             robot.wheels,
             robot.pan,
@@ -67,14 +72,16 @@ class Hinge(NamedTuple):
     range_rad: tuple[float, float]
 
 
-def locate_camera(model: Any, data: mujoco.MjData, wanted: str | None) -> tuple[int, FloatArray]:
-    """Body of the camera, and its `(4, 4)` pose in OpenCV axes.
+def locate_camera(
+    model: Any, data: mujoco.MjData, wanted: str | None, rpy_deg: tuple[float, float, float] | None
+) -> tuple[int, FloatArray]:
+    """Body of the camera, and its `(4, 4)` pose in OpenCV axes, turned by roll, pitch and yaw.
 
     Cameras of MJCF look along -z with y up, sites and links along x with z up, as REP-103 has them; those whose name
     holds `optical` look along z with y down.
 
     Raises:
-        ParameterError: There is none of this name; or, without a name, none at all.
+        ParameterError: There is none of this name; or, without a name, none at all; or it lies on its side.
     """
     cameras, sites, bodies = (
         _names(model, kind, range(count))
@@ -91,7 +98,7 @@ def locate_camera(model: Any, data: mujoco.MjData, wanted: str | None) -> tuple[
         if wanted is None:
             raise ParameterError(
                 "robot.camera_site: the robot has no camera, and no site or link called camera or optical: name the "
-                f"site or link that the camera is at (it has: {_listed(known)})"
+                f"site or link that the camera is at (it has: {_listed(_from_above(model, data, bodies, known))})"
             )
     if wanted in cameras:
         camera = model.camera(wanted).id
@@ -106,15 +113,41 @@ def locate_camera(model: Any, data: mujoco.MjData, wanted: str | None) -> tuple[
             place, axes = data.xpos[body], data.xmat[body]
         axes = axes.reshape(3, 3)
         if "optical" not in wanted.lower():
-            axes = np.column_stack([-axes[:, 1], -axes[:, 2], axes[:, 0]])
+            axes = axes @ _LINK
     else:
         raise ParameterError(
             f"robot.camera_site: the robot has no camera, site or link {wanted!r}{did_you_mean(wanted, known)} "
             f"(it has: {_listed(known)})"
         )
-    pose = np.eye(4)
+    link, pose, turn = axes @ _LINK.T, np.eye(4), np.empty(4)
+    if rpy_deg is not None:
+        matrix = np.empty(9)
+        mujoco.mju_euler2Quat(turn, np.radians(rpy_deg), "XYZ")
+        mujoco.mju_quat2Mat(matrix, turn)
+        axes = link @ matrix.reshape(3, 3) @ _LINK
+    elif link[2, 2] < _UPRIGHT:
+        level = [*np.round(np.degrees(_rpy(link.T))).astype(int).tolist()]
+        raise ParameterError(
+            f"robot.camera_site: the upper side of the image of {wanted!r} would not be up: name another site or link, "
+            f"or turn it; robot.camera_rpy_deg = {level} makes it look ahead"
+        )
     pose[:3, :3], pose[:3, 3] = axes, place
     return body, pose
+
+
+def _rpy(rotation: FloatArray) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a rotation, about the fixed axes x, then y, then z [rad]."""
+    level = math.hypot(rotation[2, 1], rotation[2, 2])
+    pitch = math.atan2(-rotation[2, 0], level)
+    if level < _LEVEL:  # only the sum of roll and yaw, or their difference, is known
+        return 0.0, pitch, math.atan2(-rotation[0, 1], rotation[1, 1])
+    return math.atan2(rotation[2, 1], rotation[2, 2]), pitch, math.atan2(rotation[1, 0], rotation[0, 0])
+
+
+def _from_above(model: Any, data: mujoco.MjData, bodies: list[str], known: list[str]) -> list[str]:
+    """Names of sites and links, the highest link first."""
+    heights = {name: float(data.xpos[model.body(name).id, 2]) for name in bodies[1:]}
+    return sorted(known, key=lambda name: -heights.get(name, math.inf))
 
 
 def ancestors(model: Any, body: int) -> list[int]:
