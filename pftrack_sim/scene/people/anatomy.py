@@ -43,6 +43,7 @@ class Anatomy:
         figure: 0 for broad shoulders and narrow hips, 1 for the opposite.
         hair_style: Style of the hair; below a `"cap"` or `"beanie"` the scalp is painted in the hair colour.
         beard: Strength of the beard, from 0 (none) to 1 (full).
+        glasses: Or sunglasses, which are `"dark"`.
     """
 
     height_m: float
@@ -136,19 +137,8 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
 
 
 def _hair_style(feminine: bool, drawn: float) -> HairStyle:
-    styles: tuple[tuple[HairStyle, float], ...] = (
-        (
-            ("long", 0.34),
-            ("bun", 0.20),
-            ("medium", 0.24),
-            ("curly", 0.10),
-            ("short", 0.06),
-            ("cap", 0.03),
-            ("beanie", 0.03),
-        )
-        if feminine
-        else (("short", 0.58), ("medium", 0.10), ("curly", 0.06), ("cap", 0.10), ("beanie", 0.06), ("bald", 0.10))
-    )
+    table = asset_table("people")["hair_styles"]
+    styles: list[tuple[HairStyle, float]] = table["feminine" if feminine else "masculine"]
     for style, share in styles:
         drawn -= share
         if drawn < 0.0:

@@ -30,12 +30,9 @@ _SLEEVE_COLUMN = 406.0  # Sleeves show cloth from beside the chest, outside the 
 
 _PALM_RINGS = 4
 # Of index, middle, ring and little finger: place ahead of the wrist and beside it, length and bend.
-_FINGERS = (
-    (0.0185, -0.002, 1.0, 0.8),
-    (0.0075, -0.001, 1.1, 1.0),
-    (-0.003, -0.001, 1.02, 1.2),
-    (-0.0125, -0.003, 0.8, 1.4),
-)
+_FINGERS = np.transpose([
+    (0.0185, 0.0075, -0.003, -0.0125), (-0.002, -0.001, -0.001, -0.003), (1.0, 1.1, 1.02, 0.8), (0.8, 1.0, 1.2, 1.4)
+])  # fmt: skip
 
 
 def torso_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:

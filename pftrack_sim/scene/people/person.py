@@ -101,13 +101,10 @@ def _similar_person(seed: int, name: str, target: Person, similarity: float) -> 
     if similarity == 1.0:
         return Person(name, target.anatomy, outfit)
     independent = sample_anatomy(stream(seed, "anatomy", name))
-    height, girth = (
-        max(theirs + similarity * (its - theirs), its if name.startswith("crosser") else 0.0)
-        for theirs, its in (
-            (independent.height_m, target.anatomy.height_m),
-            (independent.girth, target.anatomy.girth),
-        )
-    )
+    height = independent.height_m + similarity * (target.anatomy.height_m - independent.height_m)
+    girth = independent.girth + similarity * (target.anatomy.girth - independent.girth)
+    if name.startswith("crosser"):
+        height, girth = max(height, target.anatomy.height_m), max(girth, target.anatomy.girth)
     return Person(name, replace(sample_anatomy(stream(seed, "anatomy", name), height), girth=girth), outfit)
 
 
