@@ -55,6 +55,8 @@ def robot_parameters(settings: ResolvedScenario, latency_ms: float = 0.0) -> Rob
         math.radians(robot.max_tilt_deg_s),
         settings.follow.distance_m,
         camera.height_m,
+        robot.range_finder.field_deg,
+        robot.range_finder.range_m,
     )
 
 

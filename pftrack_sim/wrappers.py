@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim import trackers
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
-from pftrack_sim.core.proprioception import PROPRIO_HIGH, PROPRIO_INDEX, PROPRIO_NAMES
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.env import FollowEnv, TrackAndFollowEnv
 from pftrack_sim.policies import TrackingPolicy
@@ -61,16 +61,17 @@ class BoxObservation(gym.Wrapper[NDArray[np.float32], Any, dict[str, Any], Any],
         base = env.unwrapped
         if not isinstance(base, FollowEnv) or isinstance(base, TrackAndFollowEnv):
             raise ParameterError(f"BoxObservation wraps pftrack_sim/Follow-v0, got {type(base).__name__}")
+        bounds = base.proprio_high
         for sense in senses:
-            if sense not in PROPRIO_INDEX:
-                raise UnknownNameError("sense", sense, PROPRIO_NAMES)
+            if PROPRIO_INDEX.get(sense, len(bounds)) >= len(bounds):
+                raise UnknownNameError("sense", sense, PROPRIO_NAMES[: len(bounds)])
         self._base = base
         self._made = (tracker, preset, params)
         self._senses = [PROPRIO_INDEX[sense] for sense in senses]
         self._policy = self._new_policy(seed=0)
         far = np.full(4, np.inf, np.float32)
-        low = np.concatenate([-far[:2], np.zeros(3, np.float32), -PROPRIO_HIGH[self._senses]])
-        high = np.concatenate([far, np.ones(1, np.float32), PROPRIO_HIGH[self._senses]])
+        low = np.concatenate([-far[:2], np.zeros(3, np.float32), -bounds[self._senses]])
+        high = np.concatenate([far, np.ones(1, np.float32), bounds[self._senses]])
         self.observation_space = gym.spaces.Box(low, high, dtype=np.float32)
 
     def reset(

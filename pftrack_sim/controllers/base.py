@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.proprioception import FIELD_DEG, RANGE_M
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.types import FloatArray
 
@@ -28,6 +29,8 @@ class RobotParameters:
         max_speed_m_s: Forward speed of a command of 1; the others are rates of turn, pan and tilt of a command of 1.
         distance_m: Desired distance to the target.
         camera_height_m: Height of the optical centre above the ground.
+        beam_field_deg: Angle from the first to the last beam of the range finder.
+        range_m: Longest range of the beams.
 
     Raises:
         ParameterError: A number that is not positive and finite, or a field of view of 180 degrees or more.
@@ -42,6 +45,8 @@ class RobotParameters:
     max_tilt_rad_s: float = math.radians(60.0)
     distance_m: float = 3.0
     camera_height_m: float = 1.25
+    beam_field_deg: float = FIELD_DEG
+    range_m: float = RANGE_M
 
     def __post_init__(self) -> None:
         numbers = {key: value for key, value in vars(self).items() if key != "image_size"}

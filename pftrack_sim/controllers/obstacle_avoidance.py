@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pftrack_sim.controllers.base import RobotParameters
 from pftrack_sim.controllers.target_search import TargetSearch
 from pftrack_sim.controllers.visual_servo import TURN_S
-from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGES, beam_angles_rad
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.types import BoolArray, FloatArray
 
@@ -59,7 +59,8 @@ class ObstacleAvoidance:
     def reset(self, robot: RobotParameters) -> None:
         """See `Controller.reset`."""
         self._inner.reset(robot)
-        self._limits = robot.limits
+        self._limits, self._field_deg, self._range_m = robot.limits, robot.beam_field_deg, robot.range_m
+        self._beams: FloatArray = RANGE_ANGLES_RAD
         self._detour_rad: float | None = None
         self._scans: deque[_Scan] = deque()
         self._trail: list[FloatArray] = []
@@ -72,6 +73,7 @@ class ObstacleAvoidance:
         command = self._inner.act(estimate, proprio)
         forward, turn = float(command[0] * self._limits[0]), float(command[1] * self._limits[1])
         ranges = np.asarray(proprio[RANGES], dtype=np.float64)
+        self._beams = beam_angles_rad(self._field_deg, len(ranges))
         pan = math.remainder(float(proprio[PROPRIO_INDEX["pan_rad"]]), 2.0 * math.pi)
         target = self._inner.distance_m
         reach = HORIZON_M if target is None else min(HORIZON_M, max(target - TARGET_CLEAR_M, HULL_M + MARGIN_M))
@@ -89,7 +91,7 @@ class ObstacleAvoidance:
             elif abs(math.remainder(direction - goal, 2.0 * math.pi)) > 1e-9:
                 turn = direction / TURN_S
                 forward = max(math.cos(direction), 0.0) * forward
-            ahead, aside = ranges * np.cos(RANGE_ANGLES_RAD), np.abs(ranges * np.sin(RANGE_ANGLES_RAD))
+            ahead, aside = ranges * np.cos(self._beams), np.abs(ranges * np.sin(self._beams))
             forward = min(forward, _safe_speed(ahead, aside))
         else:
             self._detour_rad, self._on_trail = None, False
@@ -106,17 +108,17 @@ class ObstacleAvoidance:
 
         None if all are blocked. `trail` has the directions [rad] and distances [m] of the points, the latest first.
         """
-        unseen = self._on_trail and abs(goal_rad) > RANGE_ANGLES_RAD[-1]
-        if not unseen and _open(np.array([goal_rad]), ranges, reach_m)[0]:
+        unseen = self._on_trail and abs(goal_rad) > self._beams[-1]
+        if not unseen and _open(np.array([goal_rad]), self._beams, ranges, reach_m)[0]:
             self._detour_rad, self._on_trail = None, False
             return goal_rad
         for direction, distance in trail:
             # Behind the robot there are no beams: it turns round before it knows.
-            if _open(np.array([direction]), ranges, min(reach_m, distance + HULL_M))[0]:
+            if _open(np.array([direction]), self._beams, ranges, min(reach_m, distance + HULL_M))[0]:
                 self._detour_rad, self._on_trail = direction, True
                 return direction
         self._on_trail = False
-        candidates = _DIRECTIONS_RAD[_open(_DIRECTIONS_RAD, ranges, reach_m)]
+        candidates = _DIRECTIONS_RAD[_open(_DIRECTIONS_RAD, self._beams, ranges, reach_m)]
         if not candidates.size:
             return None
         cost = np.abs(candidates - goal_rad)
@@ -149,13 +151,13 @@ class ObstacleAvoidance:
         position = np.array([x, y])
         self._driven_m += 0.0 if self._last_m is None else float(np.hypot(*(position - self._last_m)))
         self._last_m = position
-        hits = ranges < RANGE_M
+        hits = ranges < self._range_m
         target_m = self._inner.distance_m
         if target_m is not None:
-            ahead = ranges * np.cos(RANGE_ANGLES_RAD) - target_m * math.cos(pan_rad)
-            aside = ranges * np.sin(RANGE_ANGLES_RAD) - target_m * math.sin(pan_rad)
+            ahead = ranges * np.cos(self._beams) - target_m * math.cos(pan_rad)
+            aside = ranges * np.sin(self._beams) - target_m * math.sin(pan_rad)
             hits &= np.hypot(ahead, aside) > TARGET_CLEAR_M
-        angles = heading + RANGE_ANGLES_RAD[hits]
+        angles = heading + self._beams[hits]
         points = np.stack([x + ranges[hits] * np.cos(angles), y + ranges[hits] * np.sin(angles)])
         # While the robot hardly moves, the newest scan replaces the last one, as people move on.
         if len(self._scans) > 1 and self._scans[-1].is_near(self._scans[-2]):
@@ -192,11 +194,11 @@ def _polar(point_m: FloatArray, proprio: NDArray[Any]) -> tuple[float, float]:
     return math.remainder(math.atan2(dy, dx) - heading, 2.0 * math.pi), math.hypot(dx, dy)
 
 
-def _open(directions_rad: FloatArray, ranges: FloatArray, reach_m: float) -> BoolArray:
+def _open(directions_rad: FloatArray, beams: FloatArray, ranges: FloatArray, reach_m: float) -> BoolArray:
     """Which of the `(N,)` directions no beam within reach blocks."""
     near = ranges < reach_m
     blocked_rad = np.arcsin(np.minimum((HULL_M + MARGIN_M) / np.maximum(ranges[near], 1e-3), 1.0))
-    blocked = np.abs(RANGE_ANGLES_RAD[near] - directions_rad[:, None]) < blocked_rad
+    blocked = np.abs(beams[near] - directions_rad[:, None]) < blocked_rad
     return ~np.any(blocked, axis=1)
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pftrack_sim.controllers.base import RobotParameters
-from pftrack_sim.core.proprioception import RANGE_ANGLES_RAD, RANGE_M
+from pftrack_sim.core.proprioception import beam_angles_rad
 from pftrack_sim.core.types import FloatArray
 
 HEIGHT_SIGMA = 0.08  # Standard deviation of the logarithm of a box's height: gait and the tracker's error
@@ -228,5 +228,6 @@ class TargetDistance:
         x, _, width, _ = view.box
         bearing = view.pan_rad - math.atan2(x + 0.5 * width - 0.5 * self._robot.image_size[0], self._robot.focal_px)
         spread = max(math.atan2(HALF_BODY_M, predicted_m), _MIN_SPREAD_RAD)
-        off = np.abs(np.remainder(RANGE_ANGLES_RAD - bearing + math.pi, 2.0 * math.pi) - math.pi)
-        return view.ranges_m[(off < spread) & (view.ranges_m < RANGE_M)] - LENS_M
+        angles = beam_angles_rad(self._robot.beam_field_deg, len(view.ranges_m))
+        off = np.abs(np.remainder(angles - bearing + math.pi, 2.0 * math.pi) - math.pi)
+        return view.ranges_m[(off < spread) & (view.ranges_m < self._robot.range_m)] - LENS_M

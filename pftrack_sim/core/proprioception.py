@@ -8,11 +8,17 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-RANGE_M = 5.0  # Maximum range of the range finder
+RANGE_M, FIELD_DEG, BEAMS = 5.0, 180.0, 37  # Maximum range, field and beams of the range finder by default
 BEAM_HEIGHT_M = 0.2  # Height of its beams above the ground with the robot at rest: shins of people are in it
 
-RANGE_ANGLES_RAD: NDArray[np.float64] = np.deg2rad(np.linspace(-90.0, 90.0, 37))
-"""`(37,)` direction of each beam of the range finder: from the right over straight ahead (0) to the left."""
+
+def beam_angles_rad(field_deg: float, beams: int) -> NDArray[np.float64]:
+    """`(beams,)` direction of each beam of a range finder: from the right over straight ahead (0) to the left."""
+    return np.deg2rad(np.linspace(-0.5 * field_deg, 0.5 * field_deg, beams))
+
+
+RANGE_ANGLES_RAD: NDArray[np.float64] = beam_angles_rad(FIELD_DEG, BEAMS)
+"""`(37,)` directions of the beams by default."""
 RANGE_ANGLES_RAD.setflags(write=False)
 
 _LAYOUT: tuple[tuple[str, float], ...] = (
@@ -42,14 +48,19 @@ PROPRIO_NAMES: tuple[str, ...] = tuple(name for name, _ in _LAYOUT)
 * pan, tilt: of the camera's optical axis in the frame of the chassis: pan is counter-clockwise from straight ahead,
   so a camera mounted to the left rests at +pi/2; tilt is positive upwards. The mast may swing: that is not included.
 * range: of each beam of the range finder (`RANGE_ANGLES_RAD`), from the middle of the axle, at the height of the hull;
-  `RANGE_M` when nothing is hit within it.
+  `RANGE_M` when nothing is hit within it. Beams, field and range are those of `robot.range_finder`.
 """
 
 PROPRIO_INDEX: Mapping[str, int] = MappingProxyType({name: index for index, name in enumerate(PROPRIO_NAMES)})
 """Index of each entry."""
 
-RANGES = slice(len(PROPRIO_NAMES) - RANGE_ANGLES_RAD.size, len(PROPRIO_NAMES))  # Slice of the range finder's entries
+RANGES = slice(len(PROPRIO_NAMES) - BEAMS, None)  # Slice of the range finder's entries
 
 PROPRIO_HIGH: NDArray[np.float32] = np.array([high for _, high in _LAYOUT], dtype=np.float32)
 """`(n,)` upper bound of each entry; -PROPRIO_HIGH is the lower bound. Ranges of common sensors."""
 PROPRIO_HIGH.setflags(write=False)
+
+
+def proprio_high(beams: int, range_m: float) -> NDArray[np.float32]:
+    """`PROPRIO_HIGH` of a robot with another range finder."""
+    return np.append(PROPRIO_HIGH[: RANGES.start], np.full(beams, range_m, dtype=np.float32))

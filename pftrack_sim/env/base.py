@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim import scenario as scenarios
 from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import CommandError, ParameterError
-from pftrack_sim.core.proprioception import PROPRIO_HIGH
+from pftrack_sim.core.proprioception import proprio_high
 from pftrack_sim.core.records import Estimate, Frame, Image
 from pftrack_sim.env.window import Window
 from pftrack_sim.render.overlay import draw_frame
@@ -21,9 +21,6 @@ from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.truth.detector import DetectionModel
 
 Observation = dict[str, Any]
-
-_PROPRIO_LOW = -PROPRIO_HIGH
-_PROPRIO_LOW.setflags(write=False)
 
 
 class CameraEnv(gym.Env[Observation, Any]):
@@ -85,7 +82,9 @@ class CameraEnv(gym.Env[Observation, Any]):
             raise ParameterError(f"without images there is nothing to render: leave out render_mode {render_mode!r}")
         self.render_mode, self._image, self._depth = render_mode, image, depth
         self.scenario = scenarios.load(scenario, overrides)
-        camera = self.scenario.resolve(0).camera
+        settings = self.scenario.resolve(0)
+        camera, scan = settings.camera, settings.robot.range_finder
+        self.proprio_high = proprio_high(scan.beams, scan.range_m)
         self.metadata = {**type(self).metadata, "render_fps": round(camera.rate_hz)}
         if not image:
             self.metadata["render_modes"] = []
@@ -99,7 +98,7 @@ class CameraEnv(gym.Env[Observation, Any]):
                 # A selected box lies inside the image.
                 "init_box": gym.spaces.Box(0.0, far, (4,), np.float64),
                 "first": gym.spaces.Discrete(2),
-                "proprio": gym.spaces.Box(_PROPRIO_LOW, PROPRIO_HIGH, dtype=np.float32),
+                "proprio": gym.spaces.Box(-self.proprio_high, self.proprio_high, dtype=np.float32),
             }
         )
         self.simulation = Simulation(self.scenario, backend=backend, image=image)
@@ -192,11 +191,10 @@ class CameraEnv(gym.Env[Observation, Any]):
             self._selected_in = frame.index
         first = int(frame.index == self._selected_in)
         box = frame.truth.box.copy() if first else np.zeros(4)
-        proprio = np.minimum(np.maximum(self.simulation.world.proprio(), _PROPRIO_LOW), PROPRIO_HIGH)
         # Copies: wrappers and learners may write into an observation.
         pixels = {"image": frame.image.copy()} if self._image else {}
         depth = {"depth": self.simulation.depth()} if self._depth else {}
-        return {**pixels, **depth, "init_box": box, "first": first, "proprio": proprio}
+        return {**pixels, **depth, "init_box": box, "first": first, "proprio": self.simulation.world.proprio()}
 
     def _info(self, frame: Frame) -> dict[str, Any]:
         return {

@@ -18,7 +18,10 @@ JPEG_QUALITY = 95
 
 
 class Kinematics(Protocol):
-    """What is known of a robot's shape, as of its URDF."""
+    """What is known of a robot's shape, as of its URDF: directions and longest range of its beams, too."""
+
+    beams_rad: FloatArray
+    range_m: float
 
     @property
     def track_m(self) -> float:

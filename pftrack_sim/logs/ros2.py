@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
-from pftrack_sim.core.proprioception import BEAM_HEIGHT_M, PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
+from pftrack_sim.core.proprioception import BEAM_HEIGHT_M, PROPRIO_INDEX, RANGES
 from pftrack_sim.core.records import Truth
 from pftrack_sim.core.ros2_messages import HALF_PIXEL, type_store
 from pftrack_sim.core.types import FloatArray
@@ -83,7 +83,7 @@ class Messages:
             yield topic, "vision_msgs/Detection2DArray", {"header": image, "detections": found}
         yield "/odom", "nav_msgs/Odometry", _odometry(header("odom"), log.proprio, covariance, self._info)
         yield "/imu", "sensor_msgs/Imu", _imu(header("imu_link"), log.proprio, self._info)
-        yield "/scan", "sensor_msgs/LaserScan", _scan(header("base_scan"), log.proprio, 1.0 / self._info.rate_hz)
+        yield "/scan", "sensor_msgs/LaserScan", _scan(header("base_scan"), log, 1.0 / self._info.rate_hz)
         head: list[float] = [log.proprio[PROPRIO_INDEX[name]] for name in ("pan_rad", "tilt_rad")]
         joints = {"name": ["pan", "tilt"], "position": head, "velocity": [], "effort": []}
         yield "/joint_states", "sensor_msgs/JointState", {"header": header(""), **joints}
@@ -252,17 +252,18 @@ def _imu(header: Message, proprio: FloatArray, info: LogInfo) -> Message:
     }
 
 
-def _scan(header: Message, proprio: FloatArray, period_s: float) -> Message:
-    ranges = [value if value < RANGE_M else math.inf for value in proprio[RANGES].tolist()]
+def _scan(header: Message, log: LogFrame, period_s: float) -> Message:
+    angles, range_m = log.robot.beams_rad.tolist(), log.robot.range_m
+    ranges = [value if value < range_m else math.inf for value in log.proprio[RANGES].tolist()]
     return {
         "header": header,
-        "angle_min": float(RANGE_ANGLES_RAD[0]),
-        "angle_max": float(RANGE_ANGLES_RAD[-1]),
-        "angle_increment": float(RANGE_ANGLES_RAD[1] - RANGE_ANGLES_RAD[0]),
+        "angle_min": angles[0],
+        "angle_max": angles[-1],
+        "angle_increment": angles[1] - angles[0],
         "time_increment": 0.0,
         "scan_time": period_s,
         "range_min": 0.0,
-        "range_max": RANGE_M,
+        "range_max": range_m,
         "ranges": ranges,
         "intensities": [],
     }

@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal, TypeAlias, cast
 
 from pydantic import Field, model_validator
 
+from pftrack_sim.core.proprioception import BEAMS, FIELD_DEG, RANGE_M, beam_angles_rad
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.section import Angle, Coordinate, Point, Positive, Section, number, setting
 
 OWN_RADIUS_M = 0.25  # Of the robot that ships
@@ -168,6 +170,19 @@ class Sensors(Section):
     range_delay_ms: float = number(0.0, 0, 2000, "How old they are, besides.")
 
 
+class RangeFinder(Section):
+    """Range finder 0.2 m above the ground, its beams about straight ahead; an URG-04LX has 682 in 240 degrees, 4 m."""
+
+    beams: int = number(BEAMS, 2, 2000, "Beams, from the right of the field to its left.")
+    field_deg: float = number(FIELD_DEG, 1, 360, "Angle between the first and the last.")
+    range_m: float = number(RANGE_M, 0.5, 100, "Longest range; also what a beam tells that meets nothing.")
+
+    @property
+    def angles_rad(self) -> FloatArray:
+        """`(beams,)` directions of the beams, counter-clockwise from straight ahead."""
+        return beam_angles_rad(self.field_deg, self.beams)
+
+
 class Robot(Section):
     """The robot that carries the camera, ours or that of a file, and its script in open-loop episodes."""
 
@@ -200,6 +215,7 @@ class Robot(Section):
     operator: Operator = Operator()
     sills: Sills = Sills()
     sensors: Sensors = Sensors()
+    range_finder: RangeFinder = RangeFinder()
     max_speed_m_s: Positive = setting(1.6, "Fastest forward speed of the drive.")
     max_turn_deg_s: Positive = setting(90.0, "Fastest turn rate of the drive.")
     max_pan_deg_s: Positive = setting(120.0, "Fastest pan rate of the head.")

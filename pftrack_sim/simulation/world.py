@@ -83,7 +83,7 @@ class World:
         self._mount_geoms = np.flatnonzero(drawn & np.isin(self.model.geom_bodyid, bodies))
         others = (self.model.body_rootid == self.model.body_rootid[bodies[0]])[self.model.geom_bodyid]
         self._base_geoms = np.setdiff1d(np.flatnonzero(drawn & others), self._mount_geoms)
-        self._sensors = SensorErrors(settings.robot.sensors, seed, self.clock.tick_s)
+        self._sensors = SensorErrors(settings.robot, seed, self.clock.tick_s)
         self._ticks = 0
         self._collision: str | None = None
         self.robot.reset(self.data)
@@ -154,7 +154,7 @@ class World:
         return self.traffic.root_poses
 
     def proprio(self) -> NDArray[np.float32]:
-        """`(n,)` float32 proprioception of the robot, see `pftrack_sim.core.proprioception`."""
+        """`(n,)` float32 proprioception of the robot within its bounds, see `pftrack_sim.core.proprioception`."""
         return self._sensors.read(self._felt(), self._ticks)
 
     def collision(self) -> str | None:

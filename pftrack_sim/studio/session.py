@@ -14,7 +14,6 @@ from pftrack_sim import controllers, policies
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, check_trackers
 from pftrack_sim.controllers import Controller
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
-from pftrack_sim.core.proprioception import PROPRIO_HIGH
 from pftrack_sim.core.records import Frame, Truth
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.simulation.simulation import LIVE_AXES, Simulation
@@ -203,8 +202,8 @@ class Session(TrackedSession):
             return self.hand.copy()
         if not self.moment.estimates:
             return np.zeros(4)
-        proprio = np.clip(self.simulation.world.proprio(), -PROPRIO_HIGH, PROPRIO_HIGH)
-        act = self._controller.act(next(iter(self.moment.estimates.values())), proprio)
+        estimate = next(iter(self.moment.estimates.values()))
+        act = self._controller.act(estimate, self.simulation.world.proprio())
         return np.clip(act, -1.0, 1.0)
 
     def _show(self, frame: Frame, drawn: FloatArray | None = None) -> None:

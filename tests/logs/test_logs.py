@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from pftrack_sim.benchmark import run
 from pftrack_sim.benchmark.asked.from_names import make_plan
 from pftrack_sim.core.errors import ParameterError, RunError, SequenceError, UnknownNameError
-from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_M, RANGES
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGE_M, RANGES
 from pftrack_sim.core.records import Estimate, Frame, Truth
 from pftrack_sim.core.ros2_messages import type_store
 from pftrack_sim.formats import read_sequence
@@ -30,7 +30,7 @@ T_CAMERA = np.array([[0.0, 0.0, 1.0, 2.0], [-1.0, 0.0, 0.0, 3.0], [0.0, -1.0, 0.
 class Robot:
     """Its camera pans and tilts about a point 1.2 m above the middle of the axle."""
 
-    track_m = 0.4
+    track_m, range_m, beams_rad = 0.4, RANGE_M, RANGE_ANGLES_RAD
 
     def camera_mount(self, pan_rad: float, tilt_rad: float) -> np.ndarray:
         mount = np.eye(4)
@@ -58,7 +58,7 @@ def frames() -> list[LogFrame]:
         box = [0.0] * 4 if hidden else [10.25 + index, 4.5, 8.0, 20.0]
         target = truth("target", index, box, "out_of_view" if hidden else "visible")
         people = (target, truth("distractor-1", index, [30.0, 5.0, 6.0, 18.0]))
-        proprio = rng.uniform(0.0, 1.0, len(PROPRIO_INDEX) + 36)[: RANGES.stop]
+        proprio = rng.uniform(0.0, 1.0, len(PROPRIO_INDEX) + 36)[: len(PROPRIO_INDEX)]
         proprio[RANGES] = np.linspace(1.0, RANGE_M, 37)
         estimates = {"stay": Estimate([10.25, 4.5, 8.0, 20.0], 0.5), "ko2012[alpha=0.3]": None}
         ms = {"stay": 1.5 + index, "ko2012[alpha=0.3]": 0.0}

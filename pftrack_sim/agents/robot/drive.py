@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.core.proprioception import BEAM_HEIGHT_M, RANGE_ANGLES_RAD, RANGE_M
+from pftrack_sim.core.proprioception import BEAM_HEIGHT_M
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
 from pftrack_sim.scenario.model import Camera
@@ -104,7 +104,8 @@ class Drive:
         self._equilibrium = equilibrium or Equilibrium(model)
         self._wheels = self._equilibrium.wheels
         self._calibration = calibration if calibration is not None else self._wheels
-        self._beams = np.stack([np.cos(RANGE_ANGLES_RAD), np.sin(RANGE_ANGLES_RAD), 0.0 * RANGE_ANGLES_RAD], axis=1)
+        self.beams_rad, self.range_m = robot.range_finder.angles_rad, robot.range_finder.range_m
+        self._beams = np.stack([np.cos(self.beams_rad), np.sin(self.beams_rad), 0.0 * self.beams_rad], axis=1)
         self._beam_groups = np.zeros(6, dtype=np.uint8)
         self._beam_groups[HIDDEN_GROUP] = 1
         degrees = (robot.max_turn_deg_s, robot.max_pan_deg_s, robot.max_tilt_deg_s)
@@ -262,7 +263,7 @@ class Drive:
         return np.concatenate([odometry[:3], sensed, self._ranges(data)]).astype(np.float32)
 
     def _ranges(self, data: mujoco.MjData) -> FloatArray:
-        """`(37,)` ranges [m] along `proprioception.RANGE_ANGLES_RAD`, from the middle of the axle, up to `RANGE_M`.
+        """`(beams,)` ranges [m] along the beams, from the middle of the axle, up to the longest.
 
         The beams are fixed to the chassis. They meet hidden collision geoms, not what is drawn, and pass through the
         robot itself; on a robot that pitches they may meet the ground.
@@ -282,9 +283,9 @@ class Drive:
             ranges,
             None,
             count,
-            RANGE_M,
+            self.range_m,
         )
-        ranges[(ranges < 0.0) | (ranges > RANGE_M)] = RANGE_M
+        ranges[(ranges < 0.0) | (ranges > self.range_m)] = self.range_m
         return ranges
 
     def collision(self, data: mujoco.MjData) -> str | None:

@@ -8,9 +8,9 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.core.proprioception import PROPRIO_HIGH, PROPRIO_INDEX, RANGE_M, RANGES
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGES, proprio_high
 from pftrack_sim.core.random_streams import stream
-from pftrack_sim.scenario.robot import Sensors
+from pftrack_sim.scenario.robot import Robot, Sensors
 
 _ROUNDING = 1e-6
 _ROWS = {"odometry": slice(0, 5), "imu": slice(5, 11), "range": RANGES}  # Each a sensor with a rate and a delay
@@ -24,13 +24,15 @@ class SensorErrors:
     """What sensors tell instead of the truth: the same at a time of an episode however often they are read.
 
     Args:
-        sensors: How large the errors are.
+        robot: Its range finder, and how large the errors are.
         seed: That of the episode.
         tick_s: Length of a tick of the clock.
     """
 
-    def __init__(self, sensors: Sensors, seed: int, tick_s: float) -> None:
-        self._sensors, self._seed = sensors, seed
+    def __init__(self, robot: Robot, seed: int, tick_s: float) -> None:
+        self._sensors, self._seed, sensors = robot.sensors, seed, robot.sensors
+        self._range_m = robot.range_finder.range_m
+        self._high = proprio_high(robot.range_finder.beams, self._range_m)
         self._exact = sensors == Sensors()
         self._held = [
             (rows, tick_s * rate_hz, round(1e-3 * delay_ms / tick_s), deque[tuple[int, NDArray[np.float32]]]())
@@ -53,11 +55,11 @@ class SensorErrors:
                 queue.popleft()
 
     def read(self, proprio: NDArray[np.float32], tick: int) -> NDArray[np.float32]:
-        """`(n,)` what sensors tell at a tick of the clock: of then, or what slow and late ones have told last."""
+        """`(n,)` what sensors tell at a tick of the clock, within their bounds: late ones what they have told last."""
         measured = self._added(proprio, tick)
         for rows, *_, queue in self._held:
             measured[rows] = queue[0][1]
-        return measured
+        return np.minimum(np.maximum(measured, -self._high), self._high)
 
     def _added(self, proprio: NDArray[np.float32], tick: int) -> NDArray[np.float32]:
         """`(n,)` proprioception with the errors of a tick of the clock."""
@@ -76,6 +78,6 @@ class SensorErrors:
         ranges = measured[RANGES]
         sigma = np.hypot(sensors.range_noise_m, sensors.range_noise_share * ranges)
         found = ranges + sigma * rng.standard_normal(len(ranges))
-        returned = (ranges < RANGE_M) & (rng.random(len(ranges)) >= sensors.range_lost)
-        measured[RANGES] = np.where(returned, np.clip(found, 0.0, RANGE_M), RANGE_M)
-        return np.clip(measured, -PROPRIO_HIGH, PROPRIO_HIGH).astype(np.float32)
+        returned = (ranges < self._range_m) & (rng.random(len(ranges)) >= sensors.range_lost)
+        measured[RANGES] = np.where(returned, np.clip(found, 0.0, self._range_m), self._range_m)
+        return measured.astype(np.float32)

@@ -5,9 +5,12 @@ import mujoco
 import numpy as np
 import pytest
 
+from pftrack_sim import controllers, policies
 from pftrack_sim.agents.robot.drive import Odometry, OdometryCalibration
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGE_ANGLES_RAD, RANGE_M, RANGES
 from pftrack_sim.core.random_streams import stream
+from pftrack_sim.core.records import Estimate
+from pftrack_sim.env.tasks import FollowEnv
 from pftrack_sim.scenario.robot import Robot, StillRoute
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
 from pftrack_sim.scene.occluders import CartSize, Placement, add_carts, add_static_occluders
@@ -107,3 +110,28 @@ def test_carts_are_measured(lab: Callable, height_m: float):
     world.data.mocap_pos[world.model.body("cart-1").mocapid[0]] = (2.5, 0.0, 0.0)
     mujoco.mj_kinematics(world.model, world.data)
     assert abs(ranges(world)[18] - 2.26) < 0.01
+
+
+def test_beams_field_and_range_are_those_of_the_scenario():
+    """A wider, finer scan sees what the default one sees, between its beams and beside them, and farther."""
+    keys = {"beams": 145, "field_deg": 270.0, "range_m": 12.0}
+    overrides = {"duration_s": 5, "occluders": [], "lights.shadows": False}
+    own = {**overrides, **{f"robot.range_finder.{key}": value for key, value in keys.items()}}
+    plain, wide = (FollowEnv("corridor", one, image=False) for one in (overrides, own))
+    for env, beams, range_m in ((plain, 37, 5.0), (wide, 145, 12.0)):
+        observation, _ = env.reset(seed=1)
+        high = env.observation_space["proprio"].high[RANGES]
+        assert high.shape == observation["proprio"][RANGES].shape == (beams,)
+        assert (high == range_m).all()
+    few, many = (env.simulation.world.proprio()[RANGES] for env in (plain, wide))
+    angles = np.linspace(-135.0, 135.0, 145)
+    same = np.arange(24, 121, 8)
+    # Every third beam of 5 degrees lies on every eighth of 1.875 degrees.
+    np.testing.assert_allclose(angles[same], np.degrees(RANGE_ANGLES_RAD)[::3], atol=1e-9)
+    np.testing.assert_allclose(np.minimum(many[same], RANGE_M), few[::3], atol=1e-5)
+    assert (many > RANGE_M).any()
+    controller = controllers.make("servo-avoid")
+    controller.reset(policies.robot_parameters(wide.simulation.settings))
+    truth = wide.simulation.frame.truth
+    command = controller.act(Estimate(truth.box), wide.simulation.world.proprio())
+    assert np.isfinite(command).all()
