@@ -90,7 +90,7 @@ def thigh_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     garment[2:, 3:] += ease * h
     if in_skirt(anatomy, outfit):
         # Thin enough not to leave the skirt in a stride.
-        skin[:7, 3:] *= np.array([0.6, 0.6, 0.6, 0.6, 0.6, 0.7, 0.88])[:, None]
+        skin[:7, 3:] *= np.array([0.6, 0.6, 0.6, 0.6, 0.6, 0.68, 0.9])[:, None]
         return skin_mesh(superellipse_rings(skin, 10))
     if outfit.long_legs:
         return cloth_mesh(superellipse_rings(garment, 10), BOTTOM, _FRONT_COLUMN, _BELT * h, length_m=_LEG_SHARE * h)
@@ -108,7 +108,7 @@ def shank_mesh(anatomy: Anatomy, outfit: Outfit) -> TriangleMesh:
     if in_skirt(anatomy, outfit) or not outfit.long_legs:
         return skin_mesh(superellipse_rings(skin, 10))
     garment = skin.copy()
-    garment[2:, 3:] += 0.0035 * h
+    garment[2:, 3:] += (0.001 + 0.005 * outfit.looseness) * h
     # Trouser legs hang from the calf: below it they hardly taper, and they end over the shoe.
     hang = np.array([0.0, 0.0, 0.0, 0.0, 0.2, 0.45, 0.75, 0.9, 1.0, 1.0])[:, None] * (0.35 + 0.65 * outfit.looseness)
     hanging = np.maximum(garment[:, 3:], np.array([0.030, 0.038, 0.031]) * h)
