@@ -94,12 +94,6 @@ class CalibratedLens(Section):
         max_length=8,
     )
 
-    @model_validator(mode="after")
-    def _of_a_model(self) -> CalibratedLens:
-        if len(self.distortion) not in (4, 5, 8):
-            raise ValueError(f"distortion has 4, 5 or 8 coefficients, got {len(self.distortion)}")
-        return self
-
 
 class Camera(Section):
     """The camera on the robot's mast."""

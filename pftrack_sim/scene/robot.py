@@ -22,12 +22,10 @@ CAMERA = "robot/camera"
 REST_YAW_RAD = {"front": 0.0, "left": math.pi / 2, "right": -math.pi / 2, "back": math.pi}
 """Pan angle at rest by camera mount."""
 
+SUSPENSIONS = ("left", "right", "front", "rear")  # Of the wheels and of the casters
 GRAVITY_M_S2 = 9.81
 
 # Dimensions that Python code needs. They repeat the MJCF file; a test compares both.
-WHEEL_RADIUS_M = 0.0975
-TRACK_M = 0.38  # Distance between the contact points of the tyres
-CASTER_ARM_M = 0.185  # Distance of each caster from the axle of the wheels
 DECK_M = 0.235  # Height of the foot of the mast
 NECK_M = 0.055  # From the top of the mast up to the tilt axis
 LENS_M = 0.06  # From the tilt axis forward to the optical centre
@@ -35,8 +33,6 @@ LENS_M = 0.06  # From the tilt axis forward to the optical centre
 BASE_KG, FOOT_KG, PAN_KG, HEAD_KG = 17.0, 0.1, 0.45, 0.40
 MAST_KG_M = 0.55
 CASTER_SHARE = 0.2  # Share of the sprung weight on each caster; the wheels carry the rest, for traction
-WHEEL_SPRING_N_M, WHEEL_DAMPING_NS_M = 11000.0, 160.0
-CASTER_SPRING_N_M, CASTER_DAMPING_NS_M = 9000.0, 280.0
 _MAST_HZ_M = 4.5  # Natural frequency of the mast on a fixed base, times its length: longer masts swing slower
 _MAST_HZ_RANGE = (3.0, 15.0)
 _MAST_DAMPING_RATIO = 0.06
@@ -173,10 +169,6 @@ def _set_mast(mjcf: mujoco.MjSpec, mast: Mast) -> None:
 def _preload_suspension(mjcf: mujoco.MjSpec, sprung_kg: float) -> None:
     """Stretch the springs so that they carry the robot level at zero deflection."""
     weight_n = sprung_kg * GRAVITY_M_S2
-    for name, share, spring_n_m in (
-        ("left", 0.5 - CASTER_SHARE, WHEEL_SPRING_N_M),
-        ("right", 0.5 - CASTER_SHARE, WHEEL_SPRING_N_M),
-        ("front", CASTER_SHARE, CASTER_SPRING_N_M),
-        ("rear", CASTER_SHARE, CASTER_SPRING_N_M),
-    ):
-        mjcf.joint(f"suspension-{name}").springref = -share * weight_n / spring_n_m
+    for end in SUSPENSIONS:
+        joint, share = mjcf.joint(f"suspension-{end}"), 0.5 - CASTER_SHARE if end in ("left", "right") else CASTER_SHARE
+        joint.springref = -share * weight_n / joint.stiffness[0]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.agents.robot.sensors import ACCELEROMETER, GYRO
-from pftrack_sim.camera.trajectory import log_so3
+from pftrack_sim.camera.trajectory import exp_so3, log_so3
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.types import FloatArray
@@ -130,14 +130,8 @@ def _angles_of(path: Path, quaternions: FloatArray) -> FloatArray:
 
 def rotation_of(angles: FloatArray) -> FloatArray:
     """`(3, 3)` rotation by roll, pitch and yaw [rad]: about x, then y, then z of the world."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
+    about_x, about_y, about_z = exp_so3(np.diag(angles))
+    return about_z @ about_y @ about_x
 
 
 def _slow(column: FloatArray) -> FloatArray:

@@ -14,14 +14,7 @@ from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import JitterAxis
 from pftrack_sim.scenario.robot import Sills
-from pftrack_sim.scene.robot import (
-    CASTER_ARM_M,
-    CASTER_DAMPING_NS_M,
-    CASTER_SPRING_N_M,
-    WHEEL_DAMPING_NS_M,
-    WHEEL_RADIUS_M,
-    WHEEL_SPRING_N_M,
-)
+from pftrack_sim.scene.robot import SUSPENSIONS
 
 ROUGHNESS_M3 = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6}
 """G_d(n_0): displacement power spectral density at `REFERENCE_CYCLES_M`, geometric mean of each class (ISO 8608)."""
@@ -51,12 +44,12 @@ def road_profile(road_class: str, rng: np.random.Generator) -> FloatArray:
     return np.fft.irfft(0.5 * count * amplitude * np.exp(1j * phase), count)
 
 
-def sill_profile(sills: Sills, rng: np.random.Generator) -> FloatArray:
-    """`(N,)` heights [m] every 5 mm over `LOOP_M`: how a wheel's centre rises and falls over sills across the way.
+def sill_profile(sills: Sills, radius: float, rng: np.random.Generator) -> FloatArray:
+    """`(N,)` heights [m] every 5 mm over `LOOP_M`: how the centre of a wheel of a radius [m] rises over sills.
 
     The wheel rolls up the edge of a sill, over its flat top, and down its other edge.
     """
-    radius, height = WHEEL_RADIUS_M, 1e-3 * sills.height_mm
+    height = 1e-3 * sills.height_mm
     way = np.arange(round(LOOP_M / _SAMPLE_M)) * _SAMPLE_M
     heights = np.zeros(way.size)
     at_m = sills.every_m * rng.uniform(0.5, 1.0)
@@ -76,18 +69,21 @@ class RoadExcitation:
         # Casters run between the wheels' tracks. Both wheels meet a sill at once, however the robot has turned.
         rough = axis.roughness * np.stack([*tracks, 0.5 * (tracks[0] + tracks[1])])
         self._track, self._heights = np.array([0, 1, 2, 2]), rough
+        self._radius_m = float(model.geom("robot/tyre-left").size[0])
         if sills.height_mm > 0.0:
             self._track = np.array([0, 1, 2, 2, 3, 3, 3, 3])
-            self._heights = np.concatenate([rough, sill_profile(sills, stream(seed, "sills"))[None]])
+            sill = sill_profile(sills, self._radius_m, stream(seed, "sills"))
+            self._heights = np.concatenate([rough, sill[None]])
         self._slopes = (np.roll(self._heights, -1, axis=1) - self._heights) / _SAMPLE_M
         axles = [model.joint(f"robot/axle-{side}") for side in ("left", "right")]
         self._axle_qpos = np.array([joint.qposadr[0] for joint in axles])
         self._axle_dofs = np.array([joint.dofadr[0] for joint in axles])
-        ends = ("left", "right", "front", "rear")
-        self._suspension_dofs = np.array([model.joint(f"robot/suspension-{end}").dofadr[0] for end in ends])
-        self._spring = np.repeat([WHEEL_SPRING_N_M, CASTER_SPRING_N_M], 2)
-        self._damper = np.repeat([WHEEL_DAMPING_NS_M, CASTER_DAMPING_NS_M], 2)
-        self._ahead_m = np.tile([0.0, 0.0, CASTER_ARM_M, -CASTER_ARM_M], len(self._track) // 4)
+        joints = [model.joint(f"robot/suspension-{end}") for end in SUSPENSIONS]
+        self._suspension_dofs = np.array([joint.dofadr[0] for joint in joints])
+        self._spring, self._damper = (np.array([getattr(joint, key)[0] for joint in joints])
+                                      for key in ("stiffness", "damping"))  # fmt: skip
+        ahead = model.body_pos[model.jnt_bodyid[[joint.id for joint in joints]], 0]
+        self._ahead_m = np.tile(ahead, len(self._track) // 4)
 
     def write(self, data: mujoco.MjData) -> None:
         """Set the forces for the coming physics step."""
@@ -96,8 +92,8 @@ class RoadExcitation:
 
     def bumps(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
         """`(4,)` road heights [m] under left and right wheel, front and rear caster, and `(4,)` their rates [m/s]."""
-        left, right = (WHEEL_RADIUS_M * data.qpos[self._axle_qpos]).tolist()
-        left_m_s, right_m_s = (WHEEL_RADIUS_M * data.qvel[self._axle_dofs]).tolist()
+        left, right = (self._radius_m * data.qpos[self._axle_qpos]).tolist()
+        left_m_s, right_m_s = (self._radius_m * data.qvel[self._axle_dofs]).tolist()
         middle, middle_m_s = 0.5 * (left + right), 0.5 * (left_m_s + right_m_s)
         count = len(self._track)
         distance = np.array([left, right, *[middle] * (count - 2)]) + self._ahead_m

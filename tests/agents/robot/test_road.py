@@ -23,6 +23,9 @@ from pftrack_sim.scenario.axes import JitterAxis
 from pftrack_sim.scenario.robot import Sills
 from pftrack_sim.scene import robot as body
 
+# Of assets/robot.xml.
+WHEEL_RADIUS_M, CASTER_ARM_M = 0.0975, 0.185
+WHEEL_SPRING_N_M, WHEEL_DAMPING_NS_M, CASTER_SPRING_N_M, CASTER_DAMPING_NS_M = 11000.0, 160.0, 9000.0, 280.0
 LEAD_IN_S, RUN_M = 2.0, 24.0
 
 
@@ -34,9 +37,9 @@ def predicted_acceleration(road_class: str, speed_m_s: float, sprung_kg: float) 
     """
     f = np.linspace(speed_m_s / LONGEST_M, speed_m_s / SHORTEST_M, 20_000)
     omega = 2.0 * math.pi * f
-    wheel = body.WHEEL_SPRING_N_M + 1j * omega * body.WHEEL_DAMPING_NS_M
-    caster = body.CASTER_SPRING_N_M + 1j * omega * body.CASTER_DAMPING_NS_M
-    force = wheel + caster * np.cos(omega / speed_m_s * body.CASTER_ARM_M)
+    wheel = WHEEL_SPRING_N_M + 1j * omega * WHEEL_DAMPING_NS_M
+    caster = CASTER_SPRING_N_M + 1j * omega * CASTER_DAMPING_NS_M
+    force = wheel + caster * np.cos(omega / speed_m_s * CASTER_ARM_M)
     response = np.abs(force / (2.0 * (wheel + caster) - sprung_kg * omega**2)) ** 2
     density = 2.0 * ROUGHNESS_M3[road_class] * REFERENCE_CYCLES_M**2 * speed_m_s / f**2
     return math.sqrt(float(np.trapezoid(density * omega**4 * response, f)))
@@ -118,7 +121,7 @@ def test_a_sill_lifts_the_camera_as_far_as_its_springs_say(lab: Callable[..., An
         moved.append(road.bumps(robot.data)[0][:2])
         camera_m.append(robot.drive.camera_pose(robot.data)[2, 3])
     # With both wheels on a sill, wheels and casters share the lift as their springs; it is too small to lift a caster.
-    wanted = 2e-3 * body.WHEEL_SPRING_N_M / (body.WHEEL_SPRING_N_M + body.CASTER_SPRING_N_M)
+    wanted = 2e-3 * WHEEL_SPRING_N_M / (WHEEL_SPRING_N_M + CASTER_SPRING_N_M)
     on_top = np.array(moved).min(axis=1) > 1.99e-3
     assert on_top.any()
     lift = np.array(camera_m)[on_top].mean() - camera_m[0]
@@ -126,7 +129,7 @@ def test_a_sill_lifts_the_camera_as_far_as_its_springs_say(lab: Callable[..., An
 
 
 def test_sills_are_as_high_and_as_far_apart_as_asked():
-    heights = sill_profile(Sills(height_mm=12.0, every_m=3.0), np.random.default_rng(0))
+    heights = sill_profile(Sills(height_mm=12.0, every_m=3.0), WHEEL_RADIUS_M, np.random.default_rng(0))
     assert abs(heights.max() - 0.012) < 1e-9
     starts = np.flatnonzero(np.diff((heights > 0.0).astype(int)) == 1)
     gaps = np.diff(starts) * LOOP_M / heights.size
@@ -134,4 +137,4 @@ def test_sills_are_as_high_and_as_far_apart_as_asked():
     assert gaps.max() < 1.31 * 3.0
     # Flat over the top, with a wheel's arcs on both sides.
     on_m = np.count_nonzero(heights > 0.0) / (starts.size) * LOOP_M / heights.size
-    assert abs(on_m - SILL_WIDTH_M - 2.0 * math.sqrt(2.0 * body.WHEEL_RADIUS_M * 0.012 - 0.012**2)) < 0.01
+    assert abs(on_m - SILL_WIDTH_M - 2.0 * math.sqrt(2.0 * WHEEL_RADIUS_M * 0.012 - 0.012**2)) < 0.01

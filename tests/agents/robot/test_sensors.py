@@ -14,8 +14,8 @@ from pftrack_sim.env.tasks import FollowEnv
 from pftrack_sim.scenario.robot import Robot, StillRoute
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
 from pftrack_sim.scene.occluders import CartSize, Placement, add_carts, add_static_occluders
-from pftrack_sim.scene.robot import TRACK_M, WHEEL_RADIUS_M
 
+WHEEL_RADIUS_M, TRACK_M = 0.0975, 0.38  # Of assets/robot.xml
 WHEELS = OdometryCalibration(WHEEL_RADIUS_M, WHEEL_RADIUS_M, TRACK_M)
 
 
