@@ -27,6 +27,12 @@ from pftrack_sim.truth.observer import TruthObserver
 FRAME_S = 0.04
 NO_LENS = (0.0, 0.0, 0.0, 0.0, 0.0)
 DISTORTED = DistortionAxis(severity=1.0, k1=-0.3, k2=0.09).coefficients
+WIDE = np.array([[153.0, 0.0, 161.5], [0.0, 153.0, 117.5], [0.0, 0.0, 1.0]])
+CAMERAS = {
+    "barrel": (K, DISTORTED, ((0.0, 0.0), (1.2, 0.5), (-1.4, -0.8), (-1.0, 0.9))),
+    "equidistant": (WIDE, (0.01, -0.005, 0.001, 0.0), ((0.3, 0.1), (3.5, 1.6), (-5.2, -1.5), (-2.0, 2.6))),
+}
+"""Camera matrix, coefficients, and places of a ball in view, to the left and up, 4 m ahead."""
 POLES = {"pole": [4.0, 0.0, 0.0], "ball": [-9.0, 0.0, 0.0], "both": [2.5, 0.05, 0.0]}
 STILL = CameraShake.band_limited(Jitter(), np.random.default_rng(0))
 
@@ -42,7 +48,7 @@ def facing(yaw: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -
 class Studio:
     """A white sphere (the target) or pole in front of a black wall, uniformly lit; a frame every FRAME_S."""
 
-    def __init__(self, kind: str, shutter: Shutter, lens: tuple[float, ...]) -> None:
+    def __init__(self, kind: str, shutter: Shutter, lens: tuple[float, ...], K: np.ndarray = K) -> None:
         spec = new_spec(slices=96)
         spec.worldbody.add_light(
             pos=[0, 0, 9],
@@ -89,8 +95,8 @@ class Studio:
 def studio() -> Iterator:
     opened: list[Studio] = []
 
-    def make(kind: str, *, exposure_s: float = 0.0, readout_s: float = 0.0, lens: tuple[float, ...] = NO_LENS):
-        opened.append(Studio(kind, Shutter(exposure_s, readout_s, HEIGHT), lens))
+    def make(kind: str, *, exposure_s: float = 0.0, readout_s: float = 0.0, lens: tuple[float, ...] = NO_LENS, **more):
+        opened.append(Studio(kind, Shutter(exposure_s, readout_s, HEIGHT), lens, **more))
         return opened[-1]
 
     yield make
@@ -104,7 +110,7 @@ def lit(image: np.ndarray) -> np.ndarray:
     return np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
 
 
-def sphere_extent(centre: np.ndarray, radius: float, lens: tuple[float, ...]) -> np.ndarray:
+def sphere_extent(centre: np.ndarray, radius: float, lens: tuple[float, ...], K: np.ndarray = K) -> np.ndarray:
     """Left, top, right, bottom of a ball's outline by OpenCV; the camera at the origin, OpenCV's axes."""
     distance = np.linalg.norm(centre)
     axis = centre / distance
@@ -115,7 +121,8 @@ def sphere_extent(centre: np.ndarray, radius: float, lens: tuple[float, ...]) ->
     near, across = (distance**2 - radius**2) / distance, radius * np.sqrt(1.0 - (radius / distance) ** 2)
     angle = np.linspace(0.0, 2.0 * np.pi, 4000)[:, None]
     outline = near * axis + across * (np.cos(angle) * side + np.sin(angle) * other)
-    seen = cv2.projectPoints(outline, np.zeros(3), np.zeros(3), K, np.array(lens))[0].reshape(-1, 2)
+    project = cv2.fisheye.projectPoints if len(lens) == 4 else cv2.projectPoints
+    seen = project(outline[:, None], np.zeros(3), np.zeros(3), K, np.array(lens))[0].reshape(-1, 2)
     return np.concatenate([seen.min(axis=0), seen.max(axis=0)])
 
 
@@ -123,29 +130,44 @@ def sides(box: np.ndarray) -> np.ndarray:
     return np.concatenate([box[:2], box[:2] + box[2:]])
 
 
-def test_the_box_of_a_sphere_is_that_of_its_outline_projected_by_opencv(studio):
-    scene = studio("ball", lens=DISTORTED)
-    for y, z in ((0.0, 0.0), (1.2, 0.5), (-1.4, -0.8), (-1.0, 0.9)):
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_the_box_of_a_sphere_is_that_of_its_outline_projected_by_opencv(studio, camera: str):
+    K, lens, places = CAMERAS[camera]
+    scene = studio("ball", lens=lens, K=K)
+    for y, z in places:
         truth = scene.shoot((4.0, y, z), facing()).truth
-        expected = sphere_extent(np.array([-y, -z, 4.0]), 0.4, DISTORTED)
+        expected = sphere_extent(np.array([-y, -z, 4.0]), 0.4, lens, K)
         assert np.abs(sides(truth.amodal_box) - expected).max() < 1.0
         assert np.abs(sides(truth.visible_box) - expected).max() < 1.5
-        assert np.array_equal(truth.distortion, np.array(DISTORTED))
+        assert np.array_equal(truth.distortion, np.array(lens))
         assert np.array_equal(truth.swept_box, truth.amodal_box)
         assert truth.visible_fraction == 1.0
 
 
-def test_the_image_agrees_with_the_box_through_the_lens(studio):
-    scene = studio("ball", lens=DISTORTED)
-    for y, z in ((0.3, 0.1), (1.2, 0.5), (-1.4, -0.8)):
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_the_image_agrees_with_the_box_through_the_lens(studio, camera: str):
+    K, lens, places = CAMERAS[camera]
+    scene = studio("ball", lens=lens, K=K)
+    for y, z in places:
         frame = scene.shoot((4.0, y, z), facing())
         seen = boxes.from_mask(lit(frame.image) > 0.5)
         assert np.abs(sides(frame.truth.visible_box) - sides(seen)).max() <= 1.0
 
 
-@pytest.mark.parametrize("at", [(0.15, 0.5, 0.1), (0.3, 0.2, -0.35)])
-def test_the_box_of_a_body_that_the_near_plane_cuts_encloses_its_pixels(studio, at: tuple[float, float, float]):
-    scene = studio("both", lens=DISTORTED)
+@pytest.mark.parametrize(
+    ("camera", "at"),
+    [
+        ("barrel", (0.15, 0.5, 0.1)),
+        ("barrel", (0.3, 0.2, -0.35)),
+        ("equidistant", (0.3, 0.2, -0.35)),
+        ("equidistant", (0.2, 0.9, 0.0)),
+    ],
+)
+def test_the_box_of_a_body_that_the_near_plane_cuts_encloses_its_pixels(
+    studio, camera: str, at: tuple[float, float, float]
+):
+    K, lens, _ = CAMERAS[camera]
+    scene = studio("both", lens=lens, K=K)
     scene.model.body("pole").pos[0] = -9.0
     frame = scene.shoot(at, facing())
     assert at[0] - 0.4 < NEAR < at[0]
