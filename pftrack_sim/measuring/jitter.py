@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.measuring.measured import Quantity
 from pftrack_sim.measuring.motion import Step
 from pftrack_sim.measuring.spectrum import Estimate, Spectrum, band_of, rms_above, spectrum_of_turns
@@ -49,6 +49,18 @@ def stretches_between(ends: set[int], times_s: FloatArray) -> list[slice]:
     ends = ends | set(np.flatnonzero(lasts > _MOST_UNKNOWN * float(np.median(lasts))).tolist())
     found = (slice(first + 1, last) for first, last in itertools.pairwise(sorted({-1, *ends, len(lasts)})))
     return [one for one in found if one.stop > one.start and times_s[one.stop] - times_s[one.start] >= LEAST_S]
+
+
+def turn_rates(steps: Sequence[Step], times_s: FloatArray, own: slice) -> tuple[FloatArray, BoolArray]:
+    """Rates of pitch and yaw at the `N + 1` frames of a stretch, `(N + 1, 2)` [rad/s], and which `N` steps are told."""
+    known = np.array([one.known for one in steps[own]])
+    turns = np.array([one.rotation[:2] for one in steps[own]])
+    for angle in range(2):
+        turns[:, angle] = np.interp(np.arange(len(turns)), np.flatnonzero(known), turns[known, angle])
+    times = times_s[own.start : own.stop + 1]
+    angles = np.concatenate([np.zeros((1, 2)), np.cumsum(turns, axis=0)])
+    known[:2] = known[-2:] = False  # Where the spline ends
+    return np.asarray(scipy.interpolate.CubicSpline(times, angles)(times, 1), dtype=np.float64), known
 
 
 @dataclass(frozen=True)

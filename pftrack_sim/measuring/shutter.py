@@ -9,10 +9,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.measuring.jitter import Untold, stretches
+from pftrack_sim.measuring.jitter import Untold, stretches, turn_rates
 from pftrack_sim.measuring.measured import Quantity
 from pftrack_sim.measuring.motion import Step
 
@@ -30,14 +29,9 @@ def measure_readout(steps: Sequence[Step], times_s: FloatArray) -> list[Quantity
     """
     changes, sheared = [np.zeros((0, 2))], [np.zeros((0, 2))]
     for own in stretches(steps, times_s):
-        known = np.array([one.known and np.isfinite(one.sheared).all() for one in steps[own]])
-        turns = np.array([one.rotation[:2] for one in steps[own]])
-        for angle in range(2):
-            turns[:, angle] = np.interp(np.arange(len(turns)), np.flatnonzero(known), turns[known, angle])
-        times = times_s[own.start : own.stop + 1]
-        angles = np.concatenate([np.zeros((1, 2)), np.cumsum(turns, axis=0)])
-        rates = np.asarray(scipy.interpolate.CubicSpline(times, angles)(times, 1), dtype=np.float64)
-        known[:2] = known[-2:] = False  # Where the spline ends
+        known = np.array([np.isfinite(one.sheared).all() for one in steps[own]])
+        rates, told = turn_rates(steps, times_s, own)
+        known &= told
         changes.append(np.diff(rates, axis=0)[known])
         sheared.append(np.array([one.sheared for one in steps[own]])[known])
     change, shear = np.concatenate(changes), np.concatenate(sheared)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pftrack_sim.formats.images import ImageFiles
+from pftrack_sim.measuring.exposure import measure_exposure
 from pftrack_sim.measuring.jitter import Systematic, Untold, cuts, measure_jitter
 from pftrack_sim.measuring.light import measure_light
 from pftrack_sim.measuring.material import Material, camera_of
@@ -64,6 +65,7 @@ def measure_video(
         "jitter": lambda: measure_jitter(steps, material.times_s, systematic),
         "light": lambda: measure_light(steps, material.times_s, doubts),
         "rolling_shutter": lambda: measure_readout(steps, material.times_s),
+        "blur": lambda: measure_exposure(material.images, steps, material.times_s, float(camera.K[0, 0])),
         "noise": lambda: noise.measure(doubts),
     }
     for name, measure in measures.items():

@@ -1,7 +1,8 @@
 """Videos and logs of inertial sensors at known levels, measured back.
 
 `python tests/measuring/closed_circle.py [NAMES]` prints the tables of the page of measuring: for each kind of material
-how often the interval of each level holds it. Names: jitter, light, flicker, readout, noise, imu; all without any.
+how often the interval of each level holds it. Names: jitter, light, flicker, readout,
+exposure, noise, imu; all without any.
 """
 
 from __future__ import annotations
@@ -190,6 +191,20 @@ def readout() -> None:
         row(f"robot drives, {kind}, {rms_deg} deg RMS", f"readout of {ms:g} ms", rows)
 
 
+def exposure() -> None:
+    """Exposure of a frame."""
+    seeds = itertools.count(740)
+    for crf, rms_deg, ms in itertools.product((None, 28), (0.3, 0.8), (10.0, 20.0, 30.0)):
+        settings = shaking(rms_deg, 5.0, **{"axes.blur": {"severity": 1.0, "exposure_ms": ms}})
+        rows: list[tuple[float, bool | None]] = []
+        for place in PLACES[:4]:
+            with tempfile.TemporaryDirectory() as folder:
+                found, _ = measured_back(place, next(seeds), settings, crf=crf, folder=Path(folder))
+            rows.append(level_of(found, "exposure", ms))
+        kind = "PNG" if crf is None else f"H.264 of rate factor {crf}"
+        row(f"robot drives, {kind}, {rms_deg} deg RMS", f"exposure of {ms:g} ms", rows)
+
+
 def noise() -> None:
     """Gain of the sensor."""
     seeds = itertools.count(200)
@@ -226,6 +241,7 @@ if __name__ == "__main__":
         "light": light,
         "flicker": flicker,
         "readout": readout,
+        "exposure": exposure,
         "noise": noise,
         "imu": imu,
     }.items():

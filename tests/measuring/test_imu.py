@@ -187,7 +187,7 @@ def test_logs_of_the_simulator_are_measured_as_bags(tmp_path: Path):
     names = [name for name in PROPRIO_NAMES if name.startswith(("gyro", "accelerometer"))]
 
     class Wheels:
-        track_m = 0.4
+        track_m, range_m, beams_rad = 0.4, 5.0, np.linspace(-1.5, 1.5, 37)
 
         def camera_mount(self, pan_rad: float, tilt_rad: float) -> np.ndarray:
             return np.eye(4)

@@ -211,6 +211,29 @@ def test_the_readout_of_a_rolling_shutter_is_told_where_the_camera_shakes(
         assert axes.rolling_shutter.physical == pytest.approx(one.value, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("rms_deg", "exposure_ms", "said"),
+    [(1.0, 16.0, ""), (1.0, 30.0, ""), (1.0, 0.0, "not smeared"), (0.05, 24.0, "shakes too little")],
+)
+def test_the_exposure_is_told_where_the_camera_shakes(tmp_path: Path, rms_deg: float, exposure_ms: float, said: str):
+    picture, often, passes = texture(), 40, 12
+    angles = shake(110 * often, rms_deg, high=6.0, rate_hz=often * RATE_HZ)
+    images = []
+    for index in range(1, 110):
+        before = np.linspace(0.0, exposure_ms * 1e-3 * often * RATE_HZ, passes if exposure_ms else 1)
+        views = [turned(picture, angles[index * often - round(one)]).astype(float) for one in before]
+        images.append(np.mean(views, axis=0).astype(np.uint8))
+    found = measure_video(read_material(write_images(tmp_path / "frames", images), RATE_HZ), fovy_deg=50.0)
+    if said:
+        assert said in found.left_out["blur"]
+        return
+    one = value_of(found, "exposure")
+    assert one.value == pytest.approx(exposure_ms, rel=0.25)
+    assert one.low < exposure_ms < one.high
+    axes = scenario.load({"extends": "corridor", "axes": as_tree(found)["axes"]}).resolve(0).axes
+    assert axes.blur.physical == pytest.approx(one.value, rel=1e-3)
+
+
 def test_nothing_is_measured_across_a_cut(tmp_path: Path):
     first, second = shaken(110), [turned(texture(3), one) for one in shake(110, 0.5, seed=2)]
     found = measure_video(read_material(write_images(tmp_path / "frames", first + second), RATE_HZ), fovy_deg=50.0)
