@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.controllers.base import RobotParameters
+from pftrack_sim.controllers.moving_obstacles import MovingObstacles
 from pftrack_sim.controllers.target_search import TargetSearch
-from pftrack_sim.controllers.visual_servo import TURN_S
+from pftrack_sim.controllers.visual_servo import DISTANCE_S, TURN_S
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGES, beam_angles_rad
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.types import BoolArray, FloatArray
@@ -20,6 +21,8 @@ from pftrack_sim.core.types import BoolArray, FloatArray
 HULL_M = 0.245  # Radius of the robot seen from above
 MARGIN_M = 0.2  # Desired clearance beside the hull; a gap is open if it is wider than the hull with this on both sides
 MIN_CLEARANCE_M = 0.06  # Clearance below which the robot does not drive on
+PERSON_M, AHEAD_RAD = 0.7, math.radians(75.0)
+"""Distance that is kept from what moves, and angle off straight ahead from which on it is passed."""
 HORIZON_M = 2.2  # Obstacles farther than this are ignored: at 1.25 m/s they are almost two seconds ahead
 TARGET_CLEAR_M = 0.7  # An obstacle this close in front of the target is the target
 BRAKE_M_S2 = 0.8  # Deceleration for which the speed is chosen: two thirds of the base's greatest
@@ -48,6 +51,9 @@ class ObstacleAvoidance:
     odometry frame: towards the latest point of it that the beams leave open (only if there is none, the open direction
     nearest to the target). It goes on until the direct way is open.
 
+    From what moves (`MovingObstacles`) it keeps `PERSON_M`: it stops before people and backs off from those who are
+    nearer, whomever it follows, and does not squeeze past them.
+
     The range finder does not cover the back: backwards the same holds for the scans of the last `MEMORY_M`, stored in
     the odometry frame.
     """
@@ -61,6 +67,7 @@ class ObstacleAvoidance:
         self._inner.reset(robot)
         self._limits, self._field_deg, self._range_m = robot.limits, robot.beam_field_deg, robot.range_m
         self._beams: FloatArray = RANGE_ANGLES_RAD
+        self._frame_s, self._moving = robot.frame_s, MovingObstacles()
         self._detour_rad: float | None = None
         self._scans: deque[_Scan] = deque()
         self._trail: list[FloatArray] = []
@@ -91,10 +98,19 @@ class ObstacleAvoidance:
             elif abs(math.remainder(direction - goal, 2.0 * math.pi)) > 1e-9:
                 turn = direction / TURN_S
                 forward = max(math.cos(direction), 0.0) * forward
-            ahead, aside = ranges * np.cos(self._beams), np.abs(ranges * np.sin(self._beams))
-            forward = min(forward, _safe_speed(ahead, aside))
+            forward = min(forward, _safe_speed(*self._ahead(ranges)))
         else:
             self._detour_rad, self._on_trail = None, False
+        moving = self._moving.see(proprio, self._beams, self._frame_s) & (np.abs(self._beams) < AHEAD_RAD)
+        if target is not None:
+            moving &= self._apart(ranges, target, pan) > TARGET_CLEAR_M
+        if moving.any():
+            ahead, aside = self._ahead(ranges)
+            forward = min(forward, _safe_speed(ahead[moving], aside[moving], PERSON_M))
+            room_m = float(ranges[moving].min()) - PERSON_M
+            # While the target is lost it may be the one who comes.
+            if target is None or room_m < 0.0:
+                forward = min(forward, room_m / DISTANCE_S)
         self._remember(proprio, ranges, pan)
         if forward < 0.0:
             forward = max(forward, -_safe_speed(*self._behind(proprio)))
@@ -154,9 +170,7 @@ class ObstacleAvoidance:
         hits = ranges < self._range_m
         target_m = self._inner.distance_m
         if target_m is not None:
-            ahead = ranges * np.cos(self._beams) - target_m * math.cos(pan_rad)
-            aside = ranges * np.sin(self._beams) - target_m * math.sin(pan_rad)
-            hits &= np.hypot(ahead, aside) > TARGET_CLEAR_M
+            hits &= self._apart(ranges, target_m, pan_rad) > TARGET_CLEAR_M
         angles = heading + self._beams[hits]
         points = np.stack([x + ranges[hits] * np.cos(angles), y + ranges[hits] * np.sin(angles)])
         # While the robot hardly moves, the newest scan replaces the last one, as people move on.
@@ -165,6 +179,15 @@ class ObstacleAvoidance:
         self._scans.append(_Scan(self._driven_m, heading, points))
         while self._scans[0].driven_m < self._driven_m - MEMORY_M:
             self._scans.popleft()
+
+    def _apart(self, ranges: FloatArray, distance_m: float, bearing_rad: float) -> FloatArray:
+        """`(B,)` distances of the ends of the beams from a point [m]."""
+        ahead = ranges * np.cos(self._beams) - distance_m * math.cos(bearing_rad)
+        return np.hypot(ahead, ranges * np.sin(self._beams) - distance_m * math.sin(bearing_rad))
+
+    def _ahead(self, ranges: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """`(B,)` distances before the axle, and `(B,)` beside its middle line, of the ends of the beams [m]."""
+        return ranges * np.cos(self._beams), np.abs(ranges * np.sin(self._beams))
 
     def _behind(self, proprio: NDArray[Any]) -> tuple[FloatArray, FloatArray]:
         """`(N,)` distances behind the axle and `(N,)` lateral distances of the stored points there [m]."""
@@ -202,12 +225,11 @@ def _open(directions_rad: FloatArray, beams: FloatArray, ranges: FloatArray, rea
     return ~np.any(blocked, axis=1)
 
 
-def _safe_speed(ahead: FloatArray, aside: FloatArray) -> float:
-    """Greatest speed [m/s] from which the robot stops before its hull hits a point.
+def _safe_speed(ahead: FloatArray, aside: FloatArray, radius: float = HULL_M + MIN_CLEARANCE_M) -> float:
+    """Greatest speed [m/s] from which the robot stops before its hull, or a circle as wide as given, hits a point.
 
     `(N,)` points are given by their distance from the axle along the direction of travel and beside it [m].
     """
-    radius = HULL_M + MIN_CLEARANCE_M
     hit = aside < radius
     if not hit.any():
         return math.inf

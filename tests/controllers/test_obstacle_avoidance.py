@@ -6,7 +6,9 @@ from playground import SIZE, Playground
 
 from pftrack_sim import controllers
 from pftrack_sim.controllers import Controller, RobotParameters
+from pftrack_sim.controllers.moving_obstacles import MovingObstacles
 from pftrack_sim.controllers.obstacle_avoidance import BRAKE_M_S2, HULL_M
+from pftrack_sim.core.proprioception import RANGE_ANGLES_RAD
 
 
 def made(name: str = "servo-avoid") -> Controller:
@@ -93,3 +95,28 @@ def test_round_the_end_of_a_wall_it_drives_along_the_trail_of_the_target():
     assert world.nearest_m > HULL_M
     assert world.y > 2.0
     assert abs(world.distance_m - 3.0) < 0.4
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.3, -0.3])
+def test_it_keeps_off_a_person_who_turns_round_and_comes_while_lost(aside: float):
+    world, controller = Playground((3.0, aside), legs=True), made()
+    world.play(controller, 3.0, (1.0, 0.0))
+    for _ in range(60):
+        world.play(controller, 0.1, (-0.8, 0.0) if world.distance_m > 0.8 else (0.0, 0.0), sure=False)
+    assert world.nearest_to_person_m > 0.55
+
+
+def test_only_what_has_moved_counts_as_moving():
+    room = [(x, side * 1.2, 0.15) for x in np.arange(-2.0, 9.0, 0.25) for side in (-1.0, 1.0)]
+    world = Playground((4.0, 0.0), posts=room, legs=True)
+    moving, seen = MovingObstacles(), []
+    for frame in range(120):
+        world.x, world.heading = 0.03 * frame, 0.3 * math.sin(0.1 * frame)
+        world.target = np.array([world.x + 1.5, 1.0 - 0.02 * frame])
+        hits = moving.see(world.proprio(), RANGE_ANGLES_RAD, 1.0 / 30.0)
+        ends = np.array([world.x, 0.0]) + world.ranges()[:, None] * np.stack(
+            [np.cos(world.heading + RANGE_ANGLES_RAD), np.sin(world.heading + RANGE_ANGLES_RAD)], axis=1
+        )
+        assert (np.hypot(*(ends[hits] - world.target).T) < 0.2).all()
+        seen.append(hits.any())
+    assert np.mean(seen[30:90]) > 0.9
