@@ -159,6 +159,7 @@ def test_a_click_on_somebody_in_the_scene_tracks_that_person(page: Any, studio: 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_texts_can_be_read(page: Any, scheme: str):
     page.evaluate("scheme => document.documentElement.setAttribute('data-mantine-color-scheme', scheme)", scheme)
+    page.add_style_tag(content=".mantine-Notifications-root { display: none }")  # a message may be fading away
     page.wait_for_timeout(500)  # colours fade into each other
     assert faint_texts(page, 20) == []
 
