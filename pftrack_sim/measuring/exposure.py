@@ -21,11 +21,10 @@ from pftrack_sim.measuring.motion import Step
 
 _APART, _PAIRS = 3, 60  # Frames between those of a pair, and number of pairs
 _LEAST_PX = 1.5  # Smear of one frame of a pair beyond that of the other, were the exposure as long as the frame lasts
-_WIDTH_PX, _SMOOTH_PX, _MARGIN = 640, 0.8, 0.05
-_SHARES, _SHARES_ENCODED = (
-    (0.65, 1.1),
-    (0.8, 3.0),
-)  # What intervals hold besides chance: encoders take off what is sharp
+_WIDTH_PX, _SMOOTH_PX = 640, 0.8
+_MARGIN = 0.05  # Share of a side that is left out at either end: what lay beside the image is not known
+_SHARES, _SHARES_ENCODED = (0.65, 1.1), (0.8, 3.0)
+"""Of the measured exposure, what intervals hold besides chance: encoders take off what is sharp."""
 _MORE_S = 1.5e-3
 _GUESSES = np.concatenate([[0.0], np.geomspace(0.05, 1.6, 16)])  # Exposures, as shares of the time between frames
 
@@ -101,14 +100,14 @@ def _energy(grey: FloatArray, smear_px: FloatArray) -> float:
     """Energy of the gradients of the middle of an image that is smeared along `smear_px`."""
     half = int(np.ceil(0.5 * float(np.abs(smear_px).max()))) + 1
     kernel = np.zeros((2 * half + 1, 2 * half + 1), dtype=np.float32)
-    x, y = half + np.linspace(-0.5, 0.5, 65)[:, None].T * smear_px[:, None]
+    x, y = half + np.linspace(-0.5, 0.5, 65) * smear_px[:, None]
     left, top = np.floor(x).astype(int), np.floor(y).astype(int)
     for column, row in itertools.product(range(2), range(2)):
         share = np.abs(1 - column - (x - left)) * np.abs(1 - row - (y - top))
         np.add.at(kernel, (top + row, left + column), share)
-    smeared = np.asarray(cv2.filter2D(grey, -1, kernel / kernel.sum()), dtype=np.float64)
-    rows, columns = (max(half, int(_MARGIN * side)) for side in grey.shape)
-    middle = smeared[rows:-rows, columns:-columns]
+    smeared = cv2.filter2D(grey, -1, kernel / kernel.sum(), borderType=cv2.BORDER_REPLICATE)
+    rows, columns = (int(_MARGIN * side) for side in grey.shape)
+    middle = np.asarray(smeared, dtype=np.float64)[rows : grey.shape[0] - rows, columns : grey.shape[1] - columns]
     return float((np.diff(middle, axis=0)[:, 1:] ** 2 + np.diff(middle, axis=1)[1:] ** 2).mean())
 
 

@@ -12,15 +12,8 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.section import Angle, Coordinate, Point, Positive, Section, number, setting
 
 OWN_RADIUS_M = 0.25  # Of the robot that ships
-_ROLES = (
-    "camera_site",
-    "camera_rpy_deg",
-    "drive",
-    "wheels",
-    "pan",
-    "tilt",
-    "pose_deg",
-)  # Keys about the file of a robot
+_ROLES = ("camera_site", "camera_rpy_deg", "drive", "wheels", "pan", "tilt", "pose_deg")
+"""Keys about the file of a robot."""
 
 
 class StillRoute(Section):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +116,18 @@ def level_of(found: Measured, name: str, wanted: float) -> tuple[float, bool | N
     return (np.nan, None) if one is None else (one.value / wanted, one.low <= wanted <= one.high)
 
 
+def measured_in_places(
+    name: str, wanted: float, seeds: Iterator[int], settings: Mapping[str, Any], *, crf: int | None
+) -> list[tuple[float, bool | None]]:
+    """`level_of` a quantity in four places, as not every seed of the hall can be planned."""
+    rows: list[tuple[float, bool | None]] = []
+    for place in PLACES[:4]:
+        with tempfile.TemporaryDirectory() as folder:
+            found, _ = measured_back(place, next(seeds), settings, crf=crf, folder=Path(folder))
+        rows.append(level_of(found, name, wanted))
+    return rows
+
+
 KINDS: Sequence[tuple[str, Mapping[str, Any], int | None]] = (
     ("robot stands, PNG", STILL, None),
     ("robot stands, H.264 of rate factor 28", STILL, 28),
@@ -151,11 +163,7 @@ def light() -> None:
     for ev in (0.5, 1.0, 2.0):
         axis = {"parts": ["change"], "dim_ev": ev, "auto_exposure": False, "at_s": 2.5, "severity": 1.0}
         settings = {**SMALL, **STILL, "duration_s": 5.0, "lights.schedule": [], "axes.light": axis}
-        rows: list[tuple[float, bool | None]] = []
-        for place in PLACES[:4]:  # not every seed of the hall can be planned
-            with tempfile.TemporaryDirectory() as folder:
-                found, _ = measured_back(place, next(seeds), settings, crf=None, folder=Path(folder))
-            rows.append(level_of(found, "change of light", ev))
+        rows = measured_in_places("change of light", ev, seeds, settings, crf=None)
         row("robot stands, PNG", f"light falls by {ev} EV", rows)
 
 
@@ -165,11 +173,7 @@ def flicker() -> None:
     for crf, (depth, hz) in itertools.product((None, 28), ((0.03, 6.0), (0.1, 2.3), (0.1, 8.0), (0.3, 9.1))):
         axis = {"parts": ["flicker"], "flicker_depth": depth, "flicker_hz": hz, "auto_exposure": False, "severity": 1.0}
         settings = {**SMALL, "duration_s": 5.0, "lights.schedule": [], "axes.light": axis}
-        rows: list[tuple[float, bool | None]] = []
-        for place in PLACES[:4]:
-            with tempfile.TemporaryDirectory() as folder:
-                found, _ = measured_back(place, next(seeds), settings, crf=crf, folder=Path(folder))
-            rows.append(level_of(found, "flicker", depth))
+        rows = measured_in_places("flicker", depth, seeds, settings, crf=crf)
         row(
             f"robot drives, {'PNG' if crf is None else f'H.264 of rate factor {crf}'}",
             f"flicker of {depth} at {hz} Hz",
@@ -182,11 +186,7 @@ def readout() -> None:
     seeds = itertools.count(600)
     for crf, rms_deg, ms in itertools.product((None, 28), (0.2, 0.8), (10.0, 30.0, 50.0)):
         settings = shaking(rms_deg, 6.0, **{"axes.rolling_shutter": {"severity": 1.0, "readout_ms": ms}})
-        rows: list[tuple[float, bool | None]] = []
-        for place in PLACES[:4]:
-            with tempfile.TemporaryDirectory() as folder:
-                found, _ = measured_back(place, next(seeds), settings, crf=crf, folder=Path(folder))
-            rows.append(level_of(found, "readout", ms))
+        rows = measured_in_places("readout", ms, seeds, settings, crf=crf)
         kind = "PNG" if crf is None else f"H.264 of rate factor {crf}"
         row(f"robot drives, {kind}, {rms_deg} deg RMS", f"readout of {ms:g} ms", rows)
 
@@ -196,11 +196,7 @@ def exposure() -> None:
     seeds = itertools.count(740)
     for crf, rms_deg, ms in itertools.product((None, 28), (0.3, 0.8), (10.0, 20.0, 30.0)):
         settings = shaking(rms_deg, 5.0, **{"axes.blur": {"severity": 1.0, "exposure_ms": ms}})
-        rows: list[tuple[float, bool | None]] = []
-        for place in PLACES[:4]:
-            with tempfile.TemporaryDirectory() as folder:
-                found, _ = measured_back(place, next(seeds), settings, crf=crf, folder=Path(folder))
-            rows.append(level_of(found, "exposure", ms))
+        rows = measured_in_places("exposure", ms, seeds, settings, crf=crf)
         kind = "PNG" if crf is None else f"H.264 of rate factor {crf}"
         row(f"robot drives, {kind}, {rms_deg} deg RMS", f"exposure of {ms:g} ms", rows)
 
@@ -211,11 +207,7 @@ def noise() -> None:
     for title, more in (("stands", STILL), ("drives", {})):
         for gain in (1.0, 2.0, 4.0, 8.0, 16.0):
             settings = {**SMALL, **more, "duration_s": 1.2, "axes.noise": {"severity": 1.0, "gain": gain}}
-            rows: list[tuple[float, bool | None]] = []
-            for place in PLACES[:4]:
-                with tempfile.TemporaryDirectory() as folder:
-                    found, _ = measured_back(place, next(seeds), settings, crf=None, folder=Path(folder))
-                rows.append(level_of(found, "noise", gain))
+            rows = measured_in_places("noise", gain, seeds, settings, crf=None)
             row(f"robot {title}, PNG", f"gain {gain:g}", rows)
 
 
