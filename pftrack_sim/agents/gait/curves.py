@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.agents.gait.motion import rolled_ankle
+from pftrack_sim.agents.gait.walk import rolled_ankle
 from pftrack_sim.core.types import FloatArray
 
 _HARMONICS = 5

@@ -7,14 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pftrack_sim.agents.gait.body import pose_bodies
 from pftrack_sim.agents.gait.curves import SWING
-from pftrack_sim.agents.gait.motion import ARM, FOOT, PART, PARTS, PERSON, move_people
 from pftrack_sim.agents.gait.posture import PLAIN, Posture
+from pftrack_sim.agents.gait.records import ARM, FOOT, PART, PARTS, PERSON
+from pftrack_sim.agents.gait.walk import walk
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.places.seats import SEAT_M
 
 _SIT_HIP = 0.071  # hip joints above a seat, in statures: thighs and buttocks press 5 mm into it
+_LEG_REACH = 0.9982  # longest reach of a leg relative to the sum of its links: knees never lock
 _SHOULDERS_BACK = 0.008  # shoulder joints behind the base of the neck, in statures
 _SEGMENTS = (
     "height_m", "pelvis_m", "torso_m", "thigh_m", "shank_m", "upper_arm_m", "hip_half_m", "ankle_m", "shoulder_half_m",
@@ -47,6 +50,7 @@ class Gait:
         height, girth, drop = np.array([(one.height_m, one.girth, one.shoulder_drop_m) for one in anatomies]).T
         people["shoulder_x"], people["shoulder_z"] = -_SHOULDERS_BACK * height, people["torso_m"] - drop
         people["seated_m"] = SEAT_M + _SIT_HIP * height
+        people["reach"] = _LEG_REACH
         # Arms hang wider with larger girth.
         people["arm_roll"] = np.radians(9.5 + 1.5 * normal[5]) + 0.45 * np.maximum(girth - 1.0, 0.0)
         people["arm_swing"], people["lean"] = 1.0 + 0.18 * normal[3], np.radians(1.5 + 1.2 * normal[4])
@@ -125,7 +129,8 @@ class Gait:
     def _move(self, dt_s: float) -> None:
         """Move by a tick, or start; with new arrays, so that those of the last tick stay as they are."""
         parts = np.empty((len(self._people), PARTS), PART)
-        move_people(dt_s, self._time_s, self._people, self._feet, self._arms, SWING, parts)
+        walk(dt_s, self._people, self._feet, SWING)
+        pose_bodies(self._time_s, self._people, self._feet, self._arms, parts)
         numbers = parts.view(np.float64).reshape(*parts.shape, -1)
         self.positions, self.rotations = numbers[..., :3], numbers[..., 3:].reshape(*parts.shape, 3, 3)
 

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from pftrack_sim.agents.gait.curves import leg_angles
 from pftrack_sim.agents.gait.gait import Gait
-from pftrack_sim.agents.gait.motion import stride_length
 from pftrack_sim.agents.gait.posture import Arm, Posture
+from pftrack_sim.agents.gait.walk import stride_length
 from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
 from pftrack_sim.scene.people.outfit import sample_outfit
 from pftrack_sim.scene.people.person import PARTS, Person, part_meshes
