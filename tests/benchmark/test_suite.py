@@ -13,6 +13,7 @@ from pftrack_sim.benchmark.asked.from_names import parse_seeds, plan_all
 from pftrack_sim.benchmark.asked.suite import is_suite, load_suite, make_suite, suite_names
 from pftrack_sim.benchmark.said.claims import compare_with_paper, evaluate_claims
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
+from pftrack_sim.scenario import load
 from pftrack_sim.simulation.world import World
 from pftrack_sim.trackers.registry import told
 
@@ -243,8 +244,50 @@ def test_every_shipped_suite_names_what_exists(name: str):
     # A tracker that is told where people are stands beside the others, in no verdict.
     assert not [name for claim in suite.claims for name in claim.compared if told(name)]
     assert parse_seeds(suite.seeds)
-    for episode in plan_all([name], seeds=[0], closed_loop=bool(suite.controllers)).episodes():
-        assert episode.scenario.resolve(0).frame_count > 1
+    loops = {one.loop == "closed" if one.loop else bool(suite.controllers) for one in suite.run}
+    for closed in loops:
+        for episode in plan_all([name], seeds=[0], closed_loop=closed).episodes():
+            assert episode.scenario.resolve(0).frame_count > 1
+
+
+def parts(**more: Any) -> str:
+    """A frozen suite with a part in each loop."""
+    versions = {name: load(name).tree["version"] for name in ("corridor", "follow/plaza")} | more
+    return (
+        'title = "T"\nseeds = "0:2"\ntrackers = ["stay"]\ncontrollers = ["servo"]\n[versions]\n'
+        + "".join(f'"{name}" = {version}\n' for name, version in versions.items())
+        + '[[run]]\nloop = "open"\nscenarios = ["corridor"]\n[[run]]\nloop = "closed"\nscenarios = ["follow/plaza"]\n'
+    )
+
+
+def test_a_suite_has_a_part_in_each_loop(tmp_path: Path):
+    path = tmp_path / "t.toml"
+    path.write_text(parts())
+    assert list(plan_all([str(path)]).scenarios) == ["corridor"]
+    driven = plan_all([str(path)], closed_loop=True)
+    assert (list(driven.scenarios), driven.labels) == (["follow/plaza"], ("stay+servo",))
+    path.write_text('title = "T"\ntrackers = ["stay"]\n[[run]]\nloop = "open"\nscenarios = ["corridor"]\n')
+    with pytest.raises(ParameterError, match="has no part in closed loop"):
+        plan_all([str(path)], closed_loop=True)
+
+
+def test_a_frozen_suite_runs_with_its_versions_of_scenarios_only(tmp_path: Path):
+    path = tmp_path / "t.toml"
+    path.write_text(parts(corridor=1))
+    with pytest.raises(ScenarioError, match=r"corridor has version \d+ here, and it is frozen with 1"):
+        plan_all([str(path)])
+    path.write_text(parts(hall=4))
+    with pytest.raises(ScenarioError, match="`versions` must name every scenario"):
+        load_suite(path)
+
+
+def test_a_name_without_a_version_means_the_newest():
+    newest = load_suite("standard")
+    assert newest.name == max((one for one in suite_names() if one.startswith("standard-")), key=len)
+    assert newest == load_suite(newest.name)
+    assert is_suite("standard")
+    with pytest.raises(UnknownNameError, match="unknown suite"):
+        load_suite("ko2012-")
 
 
 def test_the_plan_of_a_suite_contains_it(tmp_path: Path):

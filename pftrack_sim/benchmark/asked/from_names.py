@@ -236,8 +236,7 @@ def plan_all(
     if truth not in get_args(ScoredBox):
         raise UnknownNameError("box of the truth", truth, get_args(ScoredBox))
     suites = [load_suite(name) for name in names if is_suite(name)]
-    if not closed_loop and controllers is None:
-        suites = [suite.open_loop() for suite in suites]
+    suites = [suite.part(closed=closed_loop or controllers is not None) for suite in suites]
     fallback = CONTROLLERS if closed_loop else ()
     alone = tuple(name for name in names if not is_suite(name))
     unknown = [name for name in alone if name not in scenarios.names() and not name.endswith(".toml")]
@@ -262,8 +261,21 @@ def plan_all(
         for suite in suites
         for block in suite.run
     ]
+    _check_frozen(suites, {name: one.tree["version"] for plan in plans for name, one in plan.scenarios.items()})
     named = tuple(suite for suite in suites if suite.name)
     return join_plans(plans, suites=named, truth=cast("ScoredBox", truth))
+
+
+def _check_frozen(suites: Iterable[Suite], versions: Mapping[str, int]) -> None:
+    """Raise ScenarioError where scenarios of a frozen suite have other versions than it is frozen with."""
+    for suite in suites:
+        other = [
+            f"{name} has version {versions[name]} here, and it is frozen with {frozen}: it is another suite"
+            for name, frozen in suite.versions.items()
+            if versions.get(name, frozen) != frozen
+        ]
+        if other:
+            raise ScenarioError(suite.name, other)
 
 
 def _with_presets(suite: Suite, preset: str | None) -> list[TrackerSpec]:

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args
 from pydantic import Field, ValidationError, model_validator
 
 from pftrack_sim.core.data_files import envs_dir
-from pftrack_sim.core.errors import ScenarioError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.core.inputs import is_file
 from pftrack_sim.scenario.load import read_toml
 from pftrack_sim.scenario.section import NotNegative, Positive, Section, Share
@@ -37,6 +37,7 @@ class Block(Section):
     )
     changes: dict[str, Any] = Field(default_factory=dict, description="Dotted keys set in each scenario.")
     variant: str = Field(default="", description="Name of what `changes` change, put before the conditions' names.")
+    loop: Literal["open", "closed"] | None = Field(default=None, description="Only in this loop; without: in both.")
 
 
 class PaperTable(Section):
@@ -141,6 +142,9 @@ class Suite(Section):
     controllers: tuple[str, ...] = Field(
         default=(), description="Controllers that drive the robot with the trackers' estimates; none: open loop."
     )
+    versions: dict[str, int] = Field(
+        default_factory=dict, description="Versions of scenarios that it is frozen with: with others it does not run."
+    )
     run: Annotated[tuple[Block, ...], Field(min_length=1)] = Field(description="What is run, block by block.")
     tables: tuple[PaperTable, ...] = Field(default=(), description="The paper's tables.")
     claims: tuple[Claim, ...] = Field(default=(), description="Claims of the paper.")
@@ -150,11 +154,22 @@ class Suite(Section):
         """Every scenario, once, in order."""
         return tuple(dict.fromkeys(name for block in self.run for name in block.scenarios))
 
-    def open_loop(self) -> Suite:
-        """The same in open loop, without tables and claims about following."""
+    def part(self, *, closed: bool) -> Suite:
+        """What of it is run in closed or in open loop; open without tables and claims about following.
+
+        Raises:
+            ParameterError: Nothing.
+        """
+        run = tuple(one for one in self.run if one.loop != ("open" if closed else "closed"))
+        if not run:
+            raise ParameterError(f"the suite {self.name} has no part in {'closed' if closed else 'open'} loop")
+        names = {name for one in run for name in one.scenarios}
+        shared = {"run": run, "versions": {name: one for name, one in self.versions.items() if name in names}}
+        if closed:
+            return self.model_copy(update=shared)
         claims = tuple(one for one in self.claims if not one.measure.startswith("follow_"))
         tables = tuple(one for one in self.tables if not one.measure.startswith("follow_"))
-        return self.model_copy(update={"controllers": (), "claims": claims, "tables": tables})
+        return self.model_copy(update={"controllers": (), "claims": claims, "tables": tables, **shared})
 
     @model_validator(mode="after")
     def _names_agree(self) -> Suite:
@@ -170,6 +185,9 @@ class Suite(Section):
         measures = [one.measure for one in (*self.claims, *self.tables)]
         if not self.controllers and any(measure.startswith("follow_") for measure in measures):
             raise ValueError("measures of following need `controllers`")
+        if self.versions and self.versions.keys() != known:
+            names = ", ".join(sorted(self.versions.keys() ^ known))
+            raise ValueError(f"`versions` must name every scenario of [[run]] and no other: {names}")
         missing = [name for name in dict.fromkeys(named) if name not in self.trackers]
         if missing:
             raise ValueError(f"trackers of a table or claim that `trackers` lacks: {', '.join(missing)}")
@@ -181,9 +199,15 @@ def suite_names() -> list[str]:
     return sorted(path.stem for path in (envs_dir() / "suites").glob("*.toml"))
 
 
+def newest(name: str) -> str:
+    """`NAME-3` of a name without a version where the shipped suites have versions 1 to 3 of it; others stay."""
+    versions = [one.removeprefix(f"{name}-") for one in suite_names() if one.startswith(f"{name}-")]
+    return f"{name}-{max(map(int, versions))}" if versions and all(one.isdecimal() for one in versions) else name
+
+
 def is_suite(name: str) -> bool:
     """Whether a name is that of a shipped suite, or the path of a TOML file with a `[[run]]`."""
-    if name in suite_names():
+    if newest(name) in suite_names():
         return True
     path = Path(name)
     if path.suffix != ".toml" or not is_file(path):
@@ -198,18 +222,18 @@ def load_suite(name: str | Path) -> Suite:
     """Read a suite.
 
     Args:
-        name: A name in `envs/suites/`, or a path to a TOML file.
+        name: A name in `envs/suites/`, also without its version, or a path to a TOML file.
 
     Raises:
         UnknownNameError: No such suite.
         ScenarioError: The file cannot be read, or is wrong; every mistake is listed.
     """
+    name = newest(str(name))
     shipped = envs_dir() / "suites" / f"{name}.toml"
-    path = shipped if str(name) in suite_names() else Path(name)
+    path = shipped if name in suite_names() else Path(name)
     if not is_file(path):
-        raise UnknownNameError("suite", str(name), suite_names())
-    tree = read_toml(path, str(name))
-    return make_suite(str(name), tree)
+        raise UnknownNameError("suite", name, suite_names())
+    return make_suite(name, read_toml(path, name))
 
 
 def make_suite(name: str, tree: Mapping[str, Any]) -> Suite:
