@@ -17,7 +17,7 @@ import numpy as np
 
 from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.core.arguments import checked
-from pftrack_sim.core.errors import ParameterError, TrackerError
+from pftrack_sim.core.errors import ParameterError, TrackerError, UnknownNameError
 from pftrack_sim.core.records import Estimate, Image, Tracker
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
@@ -70,11 +70,16 @@ def frames_per_result(latency_ms: float, rate_hz: float) -> int:
 
 
 class TrackingPolicy:
-    """Any `records.Tracker` as the policy of `Track-v0`."""
+    """Any `records.Tracker` as the policy of `Track-v0`.
+
+    Args:
+        tracker: The tracker.
+        target: Name in `info["targets"]`; None: the target of the observation. It starts where that can first be seen.
+    """
 
     @checked
-    def __init__(self, tracker: Tracker) -> None:
-        self.tracker = tracker
+    def __init__(self, tracker: Tracker, target: str | None = None) -> None:
+        self.tracker, self._target = tracker, target
         self.reset()
 
     def reset(self) -> None:
@@ -97,6 +102,8 @@ class TrackingPolicy:
             TrackerError: The tracker needs the truth or detections, and no `info` was passed; or it needs images, and
                 the environment was made with `image=False`.
         """
+        if self._target is not None:
+            observation, info = self._of_target(self._target, observation, info)
         if isinstance(self.tracker, NeedsTruth):
             if info is None:
                 raise TrackerError("this tracker needs the truth: call the policy with (observation, info)")
@@ -116,6 +123,20 @@ class TrackingPolicy:
         else:
             self.estimate = as_estimate(self.tracker.update(image)) if self._started else NO_ESTIMATE
         return np.array(self.estimate.box)
+
+    def _of_target(
+        self, name: str, observation: Mapping[str, Any], info: Mapping[str, Any] | None
+    ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        """What is told of a target, as if the episode were about it."""
+        if info is None:
+            raise TrackerError(f"to follow {name!r}, call the policy with (observation, info)")
+        if name not in info["targets"]:
+            raise UnknownNameError("target", name, info["targets"])
+        if info["frame"] == 0:
+            self.reset()
+        truth = info["targets"][name]
+        first = not self._started and truth.scored
+        return {**observation, "first": int(first), "init_box": truth.box}, {**info, "truth": truth}
 
 
 def _image(observation: Mapping[str, Any], info: Mapping[str, Any] | None) -> Image:

@@ -311,7 +311,7 @@ class Frame:
         time_s: Simulated time since the start of the episode.
         image: `(H, W, 3)` uint8 RGB, read-only; black where the simulation draws no images.
         truth: The target.
-        people: Persons in view, the target first; the target is listed also when out of view.
+        people: Persons in view, the target first; targets are listed also when out of view.
     """
 
     index: int

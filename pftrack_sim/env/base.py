@@ -36,10 +36,10 @@ class CameraEnv(gym.Env[Observation, Any]):
       Unless the target starts out of view that is the first frame of the episode.
     - `proprio`: `(n,)` float32, proprioception (`pftrack_sim.core.proprioception.PROPRIO_NAMES`).
 
-    Information, a dict: `truth` of the target and of all `people` in view, `detections` of people as a detector gives
-    them (`core.records.Detections`, see the stress axis `detector`), `time_s`, `frame`, `seed`. Others than the target,
-    detections, and the pixels of a target that nothing can occlude are computed when they are first read: in the thread
-    that steps the environment, since they are rendered.
+    Information, a dict: `truth` of the target, of all `people` in view, and of `targets` by name; `detections` of
+    people as a detector gives them (`core.records.Detections`, see the stress axis `detector`); `time_s`, `frame`,
+    `seed`. Others than the target, detections, and the pixels of a target that nothing can occlude are computed when
+    they are first read: in the thread that steps the environment, since they are rendered.
 
     Args:
         scenario: A name in `envs/`, a path to a TOML file, a dict, or a Scenario.
@@ -197,9 +197,12 @@ class CameraEnv(gym.Env[Observation, Any]):
         return {**pixels, **depth, "init_box": box, "first": first, "proprio": self.simulation.world.proprio()}
 
     def _info(self, frame: Frame) -> dict[str, Any]:
+        names = self.simulation.settings.target_names
+        told = frame.people if len(names) > 1 else (frame.truth,)
         return {
             "truth": frame.truth,
             "people": frame.people,
+            "targets": {one.name: one for one in told if one.name in names or one is frame.truth},
             "detections": self._detector.detect(frame.people, frame.image if self._image else None),
             "time_s": frame.time_s,
             "frame": frame.index,

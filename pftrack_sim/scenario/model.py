@@ -7,12 +7,14 @@ x forward at the robot's start. The JSON Schema for editors is derived from thes
 from __future__ import annotations
 
 import math
+import re
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
+from pftrack_sim.core.errors import UnknownNameError
 from pftrack_sim.scenario.axes import Axes
-from pftrack_sim.scenario.people import Distractors, Group, Target, end_s, title
+from pftrack_sim.scenario.people import Distractors, FurtherTarget, Group, Target, end_s, title
 from pftrack_sim.scenario.robot import Robot
 from pftrack_sim.scenario.section import (
     Angle,
@@ -73,6 +75,8 @@ class MeshPlace(_ModelPlace):
 
 AnyPlace: TypeAlias = Annotated[Place | MapPlace | MjcfPlace | MeshPlace, Field(discriminator="kind")]
 
+
+_RESERVED = re.compile(r"target|bearer|walker|(distractor|crosser|passer|member)-\d+")  # Names of people
 
 _LensCoefficient: TypeAlias = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 
@@ -264,6 +268,8 @@ class ResolvedScenario(Section):
     axes: Axes = Axes()
     lights: Lights = Lights()
     target: Target
+    targets: tuple[FurtherTarget, ...] = setting((), "Further targets, of whom truth is told by name.", max_length=12)
+    tracked: str = setting("target", "Name of the target that selection, scores and following are about.")
     distractors: Distractors = Distractors()
     groups: tuple[Group, ...] = setting((), "People who belong together.", max_length=6)
     occluders: tuple[Occluder, ...] = setting((), "Occlusions, each at its time.", max_length=32)
@@ -277,6 +283,30 @@ class ResolvedScenario(Section):
                 "axes.distortion: is of Brown's model, and camera.calibrated of an equidistant lens: set 0"
             )
         return self
+
+    @model_validator(mode="after")
+    def _targets_are_people(self) -> ResolvedScenario:
+        counts = {"distractor": self.distractors.count, "member": sum(one.count for one in self.groups)}
+        people = [f"{kind}-{number}" for kind, count in counts.items() for number in range(1, count + 1)]
+        for index, one in enumerate(self.targets):
+            if one.name in self.target_names[: index + 1] or (one.path_m and _RESERVED.fullmatch(one.name)):
+                raise ValueError(f"targets.{index}.name: {one.name!r} is the name of somebody else: choose another")
+            if not one.path_m and one.name not in people:
+                unknown = UnknownNameError("person without a path_m", one.name, people)
+                raise ValueError(f"targets.{index}.name: {unknown}")
+        if self.tracked not in (known := [*dict.fromkeys([*self.target_names, *people])]):
+            raise ValueError(f"tracked: {UnknownNameError('person', self.tracked, known)}")
+        return self
+
+    @property
+    def target_names(self) -> tuple[str, ...]:
+        """Names of all targets, that of `target` first."""
+        return "target", *(one.name for one in self.targets)
+
+    @property
+    def walking_targets(self) -> tuple[FurtherTarget, ...]:
+        """Further targets that have a path of their own."""
+        return tuple(one for one in self.targets if one.path_m)
 
     @property
     def distortion(self) -> tuple[float, ...]:

@@ -385,6 +385,43 @@ class Target(Section):
         return self
 
 
+class FurtherTarget(Section):
+    """A further target by name: a person with a path, or one of the other people of the scenario."""
+
+    name: str = setting(
+        ...,
+        "Name, as truth tells it; without `path_m` that of one of the scenario's people, as 'distractor-1'.",
+        pattern="^[A-Za-z][A-Za-z0-9_-]{0,31}$",
+    )
+    path_m: tuple[Point, ...] = setting((), "Points the person walks through, as the target's.", max_length=1000)
+    speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")
+    height_m: float = number(1.74, 1.4, 2.1, "Body height.")
+    clothes: Clothes = Clothes()
+    actions: tuple[Action, ...] = setting((), "What it does on its way, but sit and pick up.", max_length=1000)
+
+    @property
+    def person(self) -> Target:
+        """The person as a target is described."""
+        return Target(
+            path_m=self.path_m,
+            speed_m_s=self.speed_m_s,
+            height_m=self.height_m,
+            clothes=self.clothes,
+            actions=self.actions,
+        )
+
+    @model_validator(mode="after")
+    def _can_be_walked(self) -> FurtherTarget:
+        if not self.path_m:
+            if self != FurtherTarget.model_construct(name=self.name):
+                raise ValueError(f"{self.name!r} has no path_m: it is somebody who is there, without other keys")
+            return self
+        if any(isinstance(one, Sit) for one in self.actions):
+            raise ValueError("actions: a further target has no seat to sit on")
+        _ = self.person
+        return self
+
+
 class Distractors(Section):
     """Other pedestrians."""
 

@@ -48,7 +48,7 @@ def problems(error: ValidationError, tree: Tree, schema: dict[str, Any] | None =
         else:
             message = found["msg"].removeprefix("Value error, ")
             message = message[:1].lower() + message[1:]
-            yield f"{dotted(path) or 'scenario'}: got {_short(given)}: {message}"
+            yield f"{dotted(path)}: got {_short(given)}: {message}" if path else message
 
 
 def _path_in(tree: object, loc: Sequence[str | int]) -> KeyPath:

@@ -10,9 +10,11 @@ import mujoco
 import numpy as np
 
 from pftrack_sim.core import random_streams
+from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scenario.model import Occluder
-from pftrack_sim.scene.layout import CONTACT, WalkableArea
+from pftrack_sim.scenario.people import Clothes, FurtherTarget, Target
+from pftrack_sim.scene.layout import CONTACT, WalkableArea, owner_name
 from pftrack_sim.scene.occluders import (
     CartSize,
     Placement,
@@ -22,7 +24,7 @@ from pftrack_sim.scene.occluders import (
     cart_names,
     distractor_crossings,
 )
-from pftrack_sim.scene.people.person import Person, add_person, sample_people
+from pftrack_sim.scene.people.person import Person, add_person, sample_people, sample_target
 from pftrack_sim.scene.people.props import add_props
 from pftrack_sim.scene.places.builder import add_ground_plane
 from pftrack_sim.scene.places.place import add_place
@@ -115,24 +117,27 @@ def add_agents(
         The people, the target first; where that is a thing, who carries it, or a walker who is not there.
     """
     wardrobe = settings.target.wardrobe or settings.place.kind
-    clothes = settings.target.clothes
-    if any(action.kind in ("sit", "crouch", "bend") for action in settings.target.actions):
-        clothes = clothes.model_copy(update=_TROUSERS)
+    wardrobe_seed = int(random_streams.stream(seed, "wardrobe", wardrobe).integers(2**32))
     people = sample_people(
-        int(random_streams.stream(seed, "wardrobe", wardrobe).integers(2**32)),
+        wardrobe_seed,
         settings.target.height_m,
         settings.distractors.count,
         settings.distractors.similarity,
         [walker.similarity for walker in _walkers(settings)],
         [settings.axes.distractors.similarity] * len(settings.axes.distractors.passings_s),
         [group.similarity for group in settings.groups for _ in range(group.count)],
-        clothes,
+        _clothes(settings.target),
     )
     seats = [group.kind == "sit" for group in settings.groups for _ in range(group.count)]
     seated = {f"member-{number}" for number, sits in enumerate(seats, start=1) if sits}
     people = tuple(
         replace(one, outfit=replace(one.outfit, **_TROUSERS)) if one.name in seated else one for one in people
     )
+    taken = {owner_name(body.name) for body in spec.bodies}
+    for one in settings.walking_targets:
+        if one.name in taken:
+            raise ScenarioError(f"{settings.title!r} at seed {seed}", [f"targets: {one.name!r} names a thing there"])
+        people = (*people, sample_target(wardrobe_seed, one.name, one.height_m, _clothes(one)))
     thing = settings.target.thing
     if thing is not None:
         add_thing(spec, people[0].name, thing)
@@ -144,6 +149,11 @@ def add_agents(
     add_static_occluders(spec, static_occluders)
     add_carts(spec, carts)
     return people
+
+
+def _clothes(target: Target | FurtherTarget) -> Clothes:
+    lowers = any(action.kind in ("sit", "crouch", "bend") for action in target.actions)
+    return target.clothes.model_copy(update=_TROUSERS) if lowers else target.clothes
 
 
 def _walkers(settings: ResolvedScenario) -> tuple[Occluder, ...]:

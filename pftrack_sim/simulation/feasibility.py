@@ -18,7 +18,8 @@ from pftrack_sim.agents.pedestrians.target import SEAT_FACING_RAD, SITTING_FROM_
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
-from pftrack_sim.scenario.people import Companions, Seated, Sit, title
+from pftrack_sim.scenario.axes import TargetAxis
+from pftrack_sim.scenario.people import Companions, FurtherTarget, Seated, Sit, title
 from pftrack_sim.scenario.robot import StillRoute
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.seats import Seat
@@ -39,14 +40,25 @@ _HALF_SEAT_M, _HALF_DEPTH_M = 0.65, 0.25
 
 
 def path_problems(settings: ResolvedScenario, layout: WalkableArea, path: Path) -> list[str]:
-    """A line for the first thing that the target would walk through, or the point where it leaves the place."""
-    found = _misplaced(_walked(settings, path), layout, 0.0, "target.path_m: the target would walk through", "leave")
-    return [] if found is None else [found]
+    """For each target a line for the first thing that it would walk through, or the point where it leaves the place."""
+    ways = {"target.path_m: the target": (path, settings.target.speed_m_s)}
+    for where, one in _further(settings):
+        ways[f"{where}.path_m: {one.name}"] = Path(one.path_m), one.speed_m_s
+    found = [
+        _misplaced(_walked(way, speed_m_s * settings.duration_s), layout, 0.0, f"{who} would walk through", "leave")
+        for who, (way, speed_m_s) in ways.items()
+    ]
+    return [line for line in found if line is not None]
+
+
+def _further(settings: ResolvedScenario) -> list[tuple[str, FurtherTarget]]:
+    """Further targets that walk, each after its place in the scenario."""
+    return [(f"targets.{index}", one) for index, one in enumerate(settings.targets) if one.path_m]
 
 
 def placement_problems(settings: ResolvedScenario, layout: WalkableArea, path: Path, script: Script) -> list[str]:
     """One line for each thing that the robot would stand in, and one if the camera soon sees the target no more."""
-    target = _walked(settings, path)
+    target = _walked(path, settings.target.speed_m_s * settings.duration_s)
     start = script.start_pose()
     robot = np.array([[start.x_m], [start.y_m]])
     radius_m, found = settings.robot.half_width_m, list[str | None]()
@@ -66,9 +78,9 @@ def placement_problems(settings: ResolvedScenario, layout: WalkableArea, path: P
     return [line for line in found if line is not None]
 
 
-def _walked(settings: ResolvedScenario, path: Path) -> FloatArray:
-    """`(2, N)` points of the path as far as the target comes at its nominal speed."""
-    walked_m = min(path.length_m, settings.target.speed_m_s * settings.duration_s)
+def _walked(path: Path, walked_m: float) -> FloatArray:
+    """`(2, N)` points of the path as far as a target comes at its nominal speed."""
+    walked_m = min(path.length_m, walked_m)
     # Not beyond it: the path goes on straight after its end.
     return np.stack(path.at(np.minimum(np.arange(0.0, walked_m + _STEP_M, _STEP_M), walked_m))[:2])
 
@@ -146,20 +158,25 @@ def seat_problems(seats: Sequence[Seat], layout: WalkableArea) -> list[str]:
 
 
 def meeting_problems(settings: ResolvedScenario, path: Path, seats: Sequence[Seat], run: DryRun) -> list[str]:
-    """One line for each seat that the target does not reach, and for each group that is in a way."""
+    """One line for each seat that the target does not reach, and for each group or further target in a way."""
     lines: list[str] = []
     sits = [(index, one) for index, one in enumerate(settings.target.actions) if isinstance(one, Sit)]
     for (index, action), seat in zip(sorted(sits, key=lambda item: item[1].at_s), seats, strict=False):
         (x, y) = run.at(action.at_s + SITTING_FROM_S)[1][0].tolist()
         if math.hypot(x - seat.x_m, y - seat.y_m) > _MISSED_M:
             lines.append(f"target.{title(index, action)}: the robot keeps it from its seat")
-    for index, group in enumerate(settings.groups):
-        if isinstance(group, Companions):
-            continue
-        tracks = [member.track(run.times_s) for member in group_members([group], path)]
+    met = {
+        f"groups.{index}": [member.track(run.times_s) for member in group_members([group], path)]
+        for index, group in enumerate(settings.groups)
+        if not isinstance(group, Companions)
+    }
+    for where, one in _further(settings):
+        places = places_alone(Path(one.path_m), one.person, TargetAxis(), run.times_s.tolist())
+        met[where] = [np.array([place[:2] for _, place in places])]
+    for where, tracks in met.items():
         for who, other, least_m in (("robot", run.robot_m, _ROBOT_M), ("target", run.target_m, _TARGET_M)):
             gaps = np.min([np.hypot(*(track - other).T) for track in tracks], axis=0)
             if gaps.min() < least_m:
                 time_s = run.times_s[int(gaps.argmin())]
-                lines.append(f"groups.{index}: comes within {gaps.min():.2f} m of the {who} at {time_s:.1f} s")
+                lines.append(f"{where}: comes within {gaps.min():.2f} m of the {who} at {time_s:.1f} s")
     return lines

@@ -80,7 +80,8 @@ def overview(settings: ResolvedScenario, seed: int) -> Overview:
         plan = make_plan(settings, seed, found.layout, path, seats, script)
         members = group_members([one for one in settings.groups if not isinstance(one, Companions)], path)
         waiting = [*plan.crossings, *plan.carts, *plan.oncoming]
-        people = [*(one.waiting_m for one in waiting), *(tuple(one.track(np.zeros(1))[0].tolist()) for one in members)]
+        people = [*(one.waiting_m for one in waiting), *(tuple(one.track(np.zeros(1))[0].tolist()) for one in members),
+                  *(one.path_m[0] for one in settings.walking_targets)]  # fmt: skip
         found = replace(found, layout=plan.layout, events=tuple(_events(plan, run)),
                         people_m=tuple(one for one in people if one is not None))  # fmt: skip
     except ScenarioError as error:

@@ -18,6 +18,7 @@ from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.occluders import (
     CartSize,
@@ -97,13 +98,15 @@ def make_plan(
     """
     occluders, axes = settings.occluders, settings.axes
     problems = impossible_actions(path, settings.target, axes.target, settings.duration_s)
+    for one in settings.walking_targets:
+        problems += impossible_actions(Path(one.path_m), one.person, TargetAxis(), settings.duration_s, one.name)
     if problems:
         raise ScenarioError(f"{settings.title!r} at seed {seed}", problems)
     occluders_s = max((occluder.at_s + occluder.duration_s for occluder in occluders), default=0.0) + AFTER_S
     covers = (*axes.occlusion.spans_s, *axes.distractors.crossings_s)
     axes_s = [*(at_s + length_s for at_s, length_s in covers), *axes.distractors.passings_s]
-    # Groups and seats are met on the whole way.
-    meetings_s = settings.duration_s if settings.groups or seats else 0.0
+    # Groups, seats and further targets are met on the whole way.
+    meetings_s = settings.duration_s if settings.groups or seats or settings.walking_targets else 0.0
     until_s = max([occluders_s, meetings_s, *(time_s + AFTER_S for time_s in axes_s)])
     plan = Plan(layout)
     if until_s == AFTER_S:

@@ -126,6 +126,7 @@ class Simulation:
         if self._truth is None:
             raise self._no_episode()
         self._truth.track(name)
+        self._tracked = name
 
     def retune(self, scenario: Scenario, seed: int) -> None:
         """Continue the running episode with other severities or parameters of `LIVE_AXES`, from the next frame on.
@@ -175,6 +176,7 @@ class Simulation:
         self._world = self._frame = self._frame_capture = self._truth = None
         if self._renderer is not None:
             self._renderer.unbind()
+        self._tracked = settings.tracked
         world = World(settings, seed, draws=self._draws)
         fx, fy, cx, cy = settings.camera.intrinsics_px
         self._K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
@@ -222,7 +224,8 @@ class Simulation:
         settings, world = self.settings, self.world
         parts = TRUNK if settings.target.init == "torso" else ()
         size = (settings.camera.width_px, settings.camera.height_px)
-        self._truth = TruthObserver(world.model, world.people, self._K, size, parts)
+        self._truth = TruthObserver(world.model, world.people, self._K, size, parts, settings.target_names[1:])
+        self._truth.track(self._tracked)
 
     def _bind_renderer(self, world: World, size: tuple[int, int]) -> None:
         """Draw another model, with a new renderer where the size has changed."""

@@ -213,6 +213,7 @@ class World:
             carts=plan.carts,
             target_axis=settings.axes.target,
             groups=settings.groups,
+            targets=settings.walking_targets,
         )
 
 

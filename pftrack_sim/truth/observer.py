@@ -68,6 +68,7 @@ class TruthObserver:
         K: `(3, 3)` camera matrix [px], or a vertical field of view [rad].
         size: Width and height of the images.
         parts: Names of the parts that the target's boxes enclose; empty for the whole body.
+        targets: Names of further targets, of whom truth is told also out of view; so is the first one's with them.
 
     Raises:
         ParameterError: No people, a person without a pelvis or visible geoms, or an invalid camera matrix.
@@ -80,6 +81,7 @@ class TruthObserver:
         K: ArrayLike | float,
         size: tuple[int, int],
         parts: Sequence[str] = (),
+        targets: Sequence[str] = (),
     ) -> None:
         if not people:
             raise ParameterError("truth needs the name of at least one person, the target's first")
@@ -100,6 +102,7 @@ class TruthObserver:
         self._finder = SilhouetteFinder(model, self._segmenter, geoms, boxed)
         self._has_parts = bool(parts)
         self._target = 0
+        self._told = {self._people.index(name) for name in (people[0], *targets)} if targets else set[int]()
         self._before: Callable[[int], tuple[FloatArray, FloatArray]] | None = None
         """Boxes of a person in the last frame; None before the first."""
         self._silhouette: Callable[[int], Silhouette | None] = lambda _: None
@@ -151,8 +154,8 @@ class TruthObserver:
                 x forward, z up.
 
         Returns:
-            The target, then all others with an amodal pixel in the image, in the order of the people. The others are
-            found when they are first asked for.
+            The target, then further targets and all with an amodal pixel in the image, in the order of the people. All
+            but the target are found when they are first asked for.
 
         Raises:
             ParameterError: Poses or an image of the wrong shape.
@@ -240,10 +243,10 @@ class TruthObserver:
             raise ParameterError(f"the image must have shape ({height}, {width}, 3), got {image.shape}")
 
     def _truth(self, frame: _Frame, person: int, silhouette: Silhouette | None, image: Image | None) -> Truth | None:
-        """Truth of a person; None for others than the target without an amodal pixel in the image."""
+        """Truth of a person; None for others than targets without an amodal pixel in the image."""
         box, truncation = _clipped(frame.boxes(person)[0], *self._size)
         inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and box[2] * box[3] else 0
-        if person != frame.target and not inside:
+        if not inside and person != frame.target and person not in self._told:
             return None
         state: State = "occluded" if inside else "out_of_view"
         visible_box, fraction, luminance = boxes.NO_BOX, 0.0, float("nan")

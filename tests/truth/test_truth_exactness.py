@@ -156,18 +156,31 @@ def test_so_it_is_in_a_room_from_a_file(tmp_path: Path, kind: str):
     assert_truth_is_that_of_an_independent_segmentation(loaded, 2.2 if kind == "map" else 2.4)
 
 
-def assert_truth_is_that_of_an_independent_segmentation(loaded: scenario.Scenario, from_s: float) -> None:
+def test_so_it_is_of_each_of_several_targets():
+    several = [
+        {"name": "lea", "path_m": [[5.0, -2.4], [9.0, -1.4], [13.0, 1.6]], "clothes": {"top": "#a03020"}},
+        {"name": "distractor-1"},
+    ]
+    tree = {"extends": "plaza-walk", "targets": several, "distractors": {"count": 8}}
+    size = {"camera.width_px": WIDTH, "camera.height_px": HEIGHT, "lights.shadows": False}
+    for name, from_s in (("lea", 3.7), ("distractor-1", 0.3)):
+        assert_truth_is_that_of_an_independent_segmentation(scenario.load(tree, size | INSTANT), from_s, name)
+
+
+def assert_truth_is_that_of_an_independent_segmentation(
+    loaded: scenario.Scenario, from_s: float, name: str = "target"
+) -> None:
     with Simulation(loaded, image=False) as simulation:
         simulation.reset(1)
         for _ in range(round(from_s * simulation.settings.camera.rate_hz)):
             simulation.world.advance()
         world, compared = simulation.world, 0
-        own = np.array([one == "target" for one in body_owners(world.model)])[world.model.geom_bodyid]
+        own = np.array([one == name for one in body_owners(world.model)])[world.model.geom_bodyid]
         camera = simulation.settings.camera
         with mujocos_renderer(world.model, camera.width_px, camera.height_px) as renderer:
             detail = Detail(world.model)
             for _ in range(12):
-                truth = simulation.advance().truth
+                truth = next(one for one in simulation.advance().people if one.name == name)
                 view = View(world.data.geom_xpos, world.data.geom_xmat, truth.T_world_camera, truth.K, NEAR)
                 world.model.geom_dataid[:] = detail.meshes.ravel()[detail.shapes(view, np.arange(world.model.ngeom))]
                 whole = renderer.ids(world.data, truth.T_world_camera, own) >= 0

@@ -32,7 +32,7 @@ from pftrack_sim.agents.pedestrians.target import TargetWalk
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import TargetAxis
-from pftrack_sim.scenario.people import Distractors, Group, Target
+from pftrack_sim.scenario.people import Distractors, FurtherTarget, Group, Target
 from pftrack_sim.scene.layout import WalkableArea
 
 _Scripted: TypeAlias = CrossingPedestrian | OncomingPedestrian
@@ -44,7 +44,7 @@ _ROBOT_VELOCITY_TIME_CONSTANT_S = 0.1
 class Crowd:
     """The `P` pedestrians of one episode, and the carts.
 
-    Their order is target, distractor-1.., crosser-1.., passer-1.., member-1.. (of groups).
+    Their order is target, distractor-1.., crosser-1.., passer-1.., member-1.. (of groups), further targets.
 
     Args:
         seed: Root seed of the episode; every pedestrian has a random stream.
@@ -65,6 +65,7 @@ class Crowd:
         carts: Sequence[Crossing] = (),
         target_axis: TargetAxis | None = None,
         groups: Sequence[Group] = (),
+        targets: Sequence[FurtherTarget] = (),
     ) -> None:
         self._obstacles = obstacles = ObstacleMap(layout)
         self._graph = VisibilityGraph(obstacles)
@@ -76,13 +77,17 @@ class Crowd:
         members = group_members(groups, target_path)
         self._members = dict(enumerate(members, start=len(self.names)))
         self.names += tuple(f"member-{i + 1}" for i in range(len(members)))
+        walks = [TargetWalk(Path(one.path_m), one.person, TargetAxis()) for one in targets]
+        self._walks = {0: self._target, **dict(enumerate(walks, start=len(self.names)))}
+        self.names += tuple(one.name for one in targets)
+        self._scripted_throughout = len(members) + len(targets)
         # Pedestrians, robot, carts; of each x, y, vx, vy as a row of the state.
         self._robot = len(self.names)
         self._movers = np.zeros(self._robot + 1 + len(carts), MOVER)
         self._state = self._movers.view(np.float64).reshape(len(self._movers), -1)[:, :4]
         self._headings = self._movers["heading"][: self._robot]
         self._movers["pace"] = 1.0
-        self._movers["turns"][1 : self._robot - len(members)] = 1.0
+        self._movers["turns"][1 : self._robot - self._scripted_throughout] = 1.0
         self._movers["extra_m"][self._robot :] = VEHICLE_EXTRA_M
         self._state[self._robot, :2] = FAR_M
         rngs = [stream(seed, f"{kind}s", i) for kind, count in counts.items() for i in range(count)]
@@ -91,8 +96,8 @@ class Crowd:
         factors = self._movers["pace"][1 : 1 + distractors.count]
         self._pace = PaceChanges(rngs_of_pace, distractors.changes_per_minute, factors)
 
-        self._store_target()
-        occupied = [self._state[0, :2].copy()]
+        self._store_targets()
+        occupied = [self._state[person, :2].copy() for person in self._walks]
         for person, member in self._members.items():
             self._headings[person] = member.reset(self._state[person], self.target_s_m, self._state[0, :2])
             occupied.append(self._state[person, :2].copy())
@@ -147,8 +152,9 @@ class Crowd:
     @property
     def postures(self) -> tuple[Posture, ...]:
         """Posture of each pedestrian."""
-        others = len(self.names) - 1 - len(self._members)
-        return (self._target.posture, *[PLAIN] * others, *(member.posture for member in self._members.values()))
+        others = len(self.names) - 1 - self._scripted_throughout
+        throughout = (*self._members.values(), *list(self._walks.values())[1:])
+        return (self._target.posture, *[PLAIN] * others, *(one.posture for one in throughout))
 
     def _start_distractor(self, person: int, rng: np.random.Generator, occupied: list[FloatArray]) -> None:
         walking_speed = self._distractors.speed_m_s * float(np.clip(rng.normal(1.0, 0.12), 0.75, 1.25))
@@ -175,8 +181,10 @@ class Crowd:
 
     def tick(self, dt_s: float, time_s: float, robot_m: Xy, camera_m: Xy) -> None:
         """Advance by a tick that ends at `time_s`, with robot and camera (without vibration) at these places."""
-        self._target.update(dt_s, self._moved_robot(dt_s, robot_m), camera_m)
-        self._store_target()
+        robot = self._moved_robot(dt_s, robot_m)
+        for walk in self._walks.values():
+            walk.update(dt_s, robot, camera_m)
+        self._store_targets()
         for person, member in self._members.items():
             state, heading = self._state[person], float(self._headings[person])
             self._headings[person] = member.update(dt_s, time_s, self.target_s_m, self._state[0, :2], state, heading)
@@ -227,7 +235,7 @@ class Crowd:
         self._goals.walk_and_stop(person, time_s, position, route)
 
     def _update_reactive(self, dt_s: float, time_s: float) -> None:
-        if self._robot == 1 + len(self._members):
+        if self._robot == 1 + self._scripted_throughout:
             return
         self._pace.update(time_s)
         self._goals.update(dt_s, time_s, self.target_s_m)
@@ -236,7 +244,7 @@ class Crowd:
     def _group(self) -> None:
         """Divide the pedestrians into reactive and scripted ones, after a phase has changed."""
         reaction = self._movers["reaction"]
-        reaction[1 : self._robot - len(self._members)] = 1.0
+        reaction[1 : self._robot - self._scripted_throughout] = 1.0
         for person, pedestrian in self._scripted.items():
             if pedestrian.phase in (Phase.SCRIPTED, Phase.WAITING):
                 reaction[person] = 0.0 if pedestrian.phase is Phase.SCRIPTED else WAITING_REACTION
@@ -251,8 +259,9 @@ class Crowd:
         ratio = min(robot_speed / max(target_speed, 0.3), 1.0)
         return np.asarray(around.camera_m) + ratio * (target - around.target_m), target
 
-    def _store_target(self) -> None:
-        self._state[0], self._headings[0] = self._target.state, self._target.heading_rad
+    def _store_targets(self) -> None:
+        for person, walk in self._walks.items():
+            self._state[person], self._headings[person] = walk.state, walk.heading_rad
 
 
 def _read_only(array: FloatArray) -> FloatArray:

@@ -263,7 +263,7 @@ def places_alone(
         yield walk.s_m, (*walk.state[:2], walk.heading_rad)
 
 
-def impossible_actions(path: Path, target: Target, axis: TargetAxis, until_s: float) -> list[str]:
+def impossible_actions(path: Path, target: Target, axis: TargetAxis, until_s: float, name: str = "target") -> list[str]:
     """Messages about actions before `until_s` for which the path is too short."""
     problems: list[str] = []
     listed = sorted(enumerate(target.actions), key=lambda item: item[1].at_s)
@@ -272,7 +272,7 @@ def impossible_actions(path: Path, target: Target, axis: TargetAxis, until_s: fl
     planned = [(index, action) for index, action in listed if action.at_s < until_s and isinstance(action, kinds)]
     places = places_alone(path, target, axis, [action.at_s for _, action in planned])
     for (index, action), (s_m, _) in zip(planned, places, strict=True):
-        left_m, what = path.length_m - s_m, f"target.{title(index, action)}"
+        left_m, what = path.length_m - s_m, f"{name}.{title(index, action)}"
         if isinstance(action, Turn | Approach) and s_m < action.back_m:
             problems.append(f"{what}: walks back {action.back_m:.1f} m, but is only {s_m:.1f} m along its path by then")
         if isinstance(action, Run | Pace | WalkOff) and left_m < _LEAST_WAY_M:

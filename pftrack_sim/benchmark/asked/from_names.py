@@ -32,7 +32,7 @@ from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.code_digest import file_digest
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.core.text import one_line
-from pftrack_sim.scenario import ScenarioLike
+from pftrack_sim.scenario import Scenario, ScenarioLike
 from pftrack_sim.scenario.axes import axes_by_name
 from pftrack_sim.trackers import code_digest as tracker_code
 
@@ -61,7 +61,7 @@ def make_plan(
     latency_ms: Mapping[str, float] | None = None,
     variant: str = "",
 ) -> Plan:
-    """Make the plan of all combinations.
+    """Make the plan of all combinations, and of each further target that a scenario has, unless `tracked` is set.
 
     Args:
         names: Scenarios.
@@ -87,12 +87,13 @@ def make_plan(
         else:
             _check_axis(axis)
     loaded = [scenarios.load(name, overrides or {}) for name in names]
-    specs = tuple(TrackerSpec.of(one, preset) for one in trackers)
-    scenario_specs = tuple(ScenarioSpec(name=one.name, tree=one.with_defaults().tree) for one in loaded)
+    specs, chosen = tuple(TrackerSpec.of(one, preset) for one in trackers), tuple(seeds)
     with parameter_errors("plan"):
-        conditions = tuple(_conditions(axes or {}, variant))
-        sweep = Sweep(scenarios=scenario_specs, conditions=conditions, seeds=tuple(seeds))
-    plan = make_checked_plan((sweep,), _with_controllers(specs, controllers, latency_ms or {}))
+        sweeps = tuple(
+            Sweep(scenarios=tuple(tracked), conditions=tuple(_conditions(axes or {}, name)), seeds=chosen)
+            for name, tracked in _by_target(loaded, variant, one_each="tracked" not in (overrides or {}))
+        )
+    plan = make_checked_plan(sweeps, _with_controllers(specs, controllers, latency_ms or {}))
     for episode in plan.first_episodes:
         scenario = episode.scenario  # wrong levels are reported now
         axes_on = [axis.partition(".")[0] for axis, level in episode.condition.levels if level and axis not in RUN_AXES]
@@ -101,6 +102,19 @@ def make_plan(
         if any(problems):
             raise ScenarioError(f"{scenario.name} {episode.condition.name}", [line for line in problems if line])
     return plan
+
+
+def _by_target(loaded: Sequence[Scenario], variant: str, *, one_each: bool) -> Iterator[tuple[str, list[ScenarioSpec]]]:
+    """The scenarios under the name of the variant, and for each further target those that have it under its name."""
+    found: dict[str, list[ScenarioSpec]] = {variant: []}
+    for one in loaded:
+        found[variant].append(ScenarioSpec(name=one.name, tree=one.with_defaults().tree))
+        for name in one.resolve(0).target_names if one_each else ():
+            if name != one.resolve(0).tracked:
+                named = f"{variant} {name}".strip()
+                tree = scenarios.load(one, {"tracked": name}).with_defaults().tree
+                found.setdefault(named, []).append(ScenarioSpec(name=one.name, tree=tree))
+    yield from found.items()
 
 
 def late_events(plan: Plan, changed: Collection[str] | None = None) -> list[str]:

@@ -76,12 +76,7 @@ def sample_people(
     passes close by the target or belongs to a group. Who crosses, to cover the target, is no smaller and no slimmer.
     `clothes` says what the target's are, the rest is drawn.
     """
-    clothes = clothes or Clothes()
-    target = Person(
-        "target",
-        groomed(sample_anatomy(stream(seed, "anatomy", "target"), target_height_m), clothes),
-        dressed(sample_outfit(stream(seed, "clothes", "target")), clothes),
-    )
+    target = sample_target(seed, "target", target_height_m, clothes or Clothes())
     roles = {
         "distractor": [distractor_similarity] * distractor_count,
         "crosser": crosser_similarities,
@@ -94,6 +89,15 @@ def sample_people(
         for number, similarity in enumerate(similarities, start=1)
     ]
     return (target, *others)
+
+
+def sample_target(seed: int, name: str, height_m: float, clothes: Clothes) -> Person:
+    """Sample a target; what `clothes` says is not drawn."""
+    return Person(
+        name,
+        groomed(sample_anatomy(stream(seed, "anatomy", name), height_m), clothes),
+        dressed(sample_outfit(stream(seed, "clothes", name)), clothes),
+    )
 
 
 def _similar_person(seed: int, name: str, target: Person, similarity: float) -> Person:
