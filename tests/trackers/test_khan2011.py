@@ -1,13 +1,10 @@
 """khan2011, and the mean shift of divided, rotated boxes."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from pftrack_sim import trackers
-from pftrack_sim.core import boxes
 from pftrack_sim.trackers.features.mean_shift import Partition, area_histograms, mean_shift
 from pftrack_sim.trackers.relatives.khan2011 import upright
 
@@ -68,15 +65,3 @@ def test_upright_boxes_hold_the_ellipse():
     assert np.allclose(upright(TRUE[None]), [[80, 45, 40, 70]], rtol=0, atol=1e-9)
     quarter = TRUE + np.array([0, 0, 0, 0, math.pi / 2])
     assert np.allclose(upright(quarter[None]), [[65, 60, 70, 40]], rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("preset", trackers.PRESETS)
-def test_a_moving_target_is_followed_with_few_particles(make_scene: Callable[..., Scene], preset: str):
-    images, truth = make_scene(count=25, step_px=1.0)
-    tracker = trackers.make("khan2011", preset=preset, particles=True)
-    tracker.init(images[0], truth[0])
-    found = [tracker.update(image) for image in images[1:]]
-    assert boxes.pairwise_iou(np.array([one.box for one in found]), truth[1:]).mean() > 0.5
-    particles = found[-1].particles
-    assert particles is not None
-    assert len(particles) < 20

@@ -1,6 +1,5 @@
 """The method of Kwon et al.: motion models, learning, and occlusions."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -165,13 +164,6 @@ def turning_scene() -> tuple[list[np.ndarray], np.ndarray]:
     return images, np.array([[320.0 - left, 40, 24, 36] for left in lefts])
 
 
-def test_a_turn_of_the_camera_is_part_of_the_expected_movement():
-    images, truth = turning_scene()
-    overlaps = [boxes.iou(run(images, truth[0], camera_motion=used)[-1], truth[-1]) for used in (True, False)]
-    assert overlaps[0] > 0.7
-    assert overlaps[1] < 0.2
-
-
 def test_a_covered_target_is_carried_along_by_the_camera():
     images, truth = turning_scene()
     for image, box in zip(images[2:], truth[2:], strict=True):
@@ -242,39 +234,6 @@ def test_the_velocity_follows_motion_beyond_the_noise():
     assert overlap[False] < 0.5
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("motion", MOTIONS)
-def test_twice_the_image_gives_twice_the_estimate(make_scene: Callable[..., Scene], seed: int, motion: str):
-    # OpenCV rounds means of four and of sixteen pixels differently; later frames amplify that, the more the wider the
-    # particles spread.
-    images, truth = make_scene(count=12)
-    doubled = [cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST) for image in images]
-    small, large = (
-        run(some, box, seed=seed, motion=motion, sigma_scale=0.02)
-        for some, box in ((images, truth[0]), (doubled, 2 * truth[0]))
-    )
-    assert np.abs(large - 2 * small).max() <= 2
-
-
-@pytest.mark.parametrize("box", [(50, 40, 2, 2), (-10, -10, 30, 40), (110, 80, 30, 40), (50.3, 40.7, 0.4, 0.4)])
-def test_extreme_boxes_are_accepted_in_affine_motion(box: tuple[float, ...], scene: Scene):
-    found = run(scene[0], np.array(box), motion="affine")
-    assert np.isfinite(found).all()
-    assert (found[:, 2:] > 0).all()
-
-
-def test_the_box_stays_near_the_image_and_never_collapses():
-    rng = np.random.default_rng(0)
-    images = [rng.integers(0, 255, (40, 50, 3), dtype=np.uint8) for _ in range(30)]
-    for motion in MOTIONS:
-        given = {"sigma_centre": 5.0, "sigma_scale": 1.0, "sigma_angle": 1.0, "motion": motion}
-        found = run(images, np.array([1.0, 1, 3, 3]), **given)
-        centres = found[:, :2] + 0.5 * found[:, 2:]
-        assert np.isfinite(found).all()
-        assert (centres >= -1e-9).all()
-        assert (centres <= [50 + 1e-9, 40 + 1e-9]).all()
-
-
 @pytest.mark.parametrize("colour", [0, 255])
 def test_a_uniform_frame_is_an_occlusion(scene: Scene, colour: int):
     images, truth = scene
@@ -284,11 +243,3 @@ def test_a_uniform_frame_is_an_occlusion(scene: Scene, colour: int):
     assert estimate.occluded
     assert estimate.confidence == 0
     assert np.isfinite(tracker.update(images[1]).box).all()
-
-
-@pytest.mark.parametrize("box", [(30.0, 30.0, 20.0, 20.0), (30.0, 30.0, 2.0, 2.0)])
-def test_a_uniform_target_gives_finite_estimates(box: tuple[float, ...]):
-    """A uniform target cannot be located."""
-    image = np.full((90, 120, 3), 90, np.uint8)
-    found = run([image] * 5, np.array(box))
-    assert np.isfinite(found).all()

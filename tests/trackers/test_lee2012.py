@@ -74,39 +74,6 @@ def test_a_moving_target_is_followed_during_learning(make_scene: Callable[..., S
     assert boxes.pairwise_iou(found, truth[1:])[-25:].mean() > 0.6
 
 
-@pytest.mark.parametrize("preset", trackers.PRESETS)
-@pytest.mark.parametrize("name", NAMES)
-def test_same_seed_gives_identical_output_after_init(make_scene: Callable[..., Scene], name: str, preset: str):
-    """Beyond the frame at which learning starts."""
-    images, truth = make_scene(count=25)
-    tracker = trackers.make(name, seed=4, preset=preset, window=8)
-
-    def follow() -> list[tuple[Any, ...]]:
-        tracker.init(images[0], truth[0])
-        estimates = [tracker.update(image) for image in images[1:]]
-        return [(*one.box, one.confidence) for one in estimates]
-
-    first = follow()
-    assert follow() == first
-    other = run(images, truth[0], name, seed=5, preset=preset, window=8)
-    assert not np.array_equal(other, np.array(first)[:, :4])
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("preset", trackers.PRESETS)
-def test_twice_the_image_gives_twice_the_estimate(make_scene: Callable[..., Scene], name: str, seed: int, preset: str):
-    """The preset `paper` has its noise in pixels, as printed, and so needs doubled noise."""
-    images, truth = make_scene(count=25)
-    doubled = [cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST) for image in images]
-    numbers = Lee2012Parameters.from_preset(name, preset, {})
-    noise = {key: value for key, value in numbers if key.startswith("noise_") and key != "noise_unit"}
-    twice = {key: 2 * value for key, value in noise.items()} if numbers.noise_unit == "px" else {}
-    small = run(images, truth[0], name, seed=seed, preset=preset, window=12)
-    large = run(doubled, 2 * truth[0], name, seed=seed, preset=preset, window=12, **twice)
-    assert np.abs(large - 2 * small).max() <= 2
-
-
 def test_learning_has_an_effect_from_its_first_frame_only(make_scene: Callable[..., Scene]):
     images, truth = make_scene(count=30)
     learnt, never = (run(images, truth[0], name, window=10) for name in ("lee2012", "lee2012-color-hog"))
