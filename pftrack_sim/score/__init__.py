@@ -36,6 +36,7 @@ from pftrack_sim.score.statistics import (
     mean_over_seeds,
     paired_difference,
     proportion_over_seeds,
+    skill_over_seeds,
     student_quantile,
 )
 
@@ -70,6 +71,7 @@ __all__ = [
     "precision_curve",
     "proportion_over_seeds",
     "roc_area",
+    "skill_over_seeds",
     "stay_overlaps",
     "student_quantile",
     "success_curve",

@@ -135,6 +135,25 @@ def mean_intervals(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArr
     return low, high, np.where(constant, np.where(mean == 0.0, 1.0, 0.0), p)
 
 
+def skill_over_seeds(overlaps: ArrayLike, stays: ArrayLike) -> SeedMean:
+    """Mean overlap corrected for chance, (overlap - stay) / (1 - stay), of `(N,)` means of N seeds.
+
+    It is the ratio of both sums over seeds, not a mean of ratios: a seed whose target hardly moves has no say by that.
+    `values` are those whose mean the ratio is to first order, so that they have its interval.
+
+    >>> round(skill_over_seeds([0.6, 0.8], [0.2, 0.2]).mean, 3)
+    0.625
+    """
+    gained = np.asarray(overlaps, dtype=np.float64) - np.asarray(stays, dtype=np.float64)
+    possible = 1.0 - np.asarray(stays, dtype=np.float64)
+    known = ~np.isnan(gained)
+    base = float(possible[known].mean()) if known.any() else 0.0
+    if base == 0.0:
+        return mean_over_seeds([])
+    skill = float(gained[known].mean()) / base
+    return mean_over_seeds(skill + (gained - skill * possible)[known] / base, bounds_of("skill"))
+
+
 def student_quantile(count: int) -> float:
     """97.5 % quantile of Student's t for the mean of so many values, at least 2."""
     return float(scipy.special.stdtrit(count - 1, 1.0 - 0.5 * LEVEL))

@@ -136,3 +136,25 @@ def test_no_share_of_other_numbers():
     for wrong in ([0.5], [[1.0]], [2.0]):
         with pytest.raises(ParameterError):
             score.proportion_over_seeds(wrong)
+
+
+def test_the_skill_of_all_seeds_is_that_of_their_means_and_its_interval_covers_it():
+    draws = np.random.default_rng(0)
+    # Means over 12 scenarios of unequal difficulty; in many of them the target is lost at some time.
+    tracked = np.clip(np.linspace(0.6, 0.9, 12) + draws.normal(0.0, 0.05, (2000, 10, 12)), 0.0, 1.0)
+    lost = draws.random(tracked.shape) < np.linspace(0.0, 0.6, 12)
+    overlaps = np.where(lost, tracked * draws.random(tracked.shape), tracked).mean(axis=-1)
+    stays = np.clip(draws.beta(2, 10, tracked.shape), 0.0, 1.0).mean(axis=-1)
+    true = (overlaps.mean() - stays.mean()) / (1.0 - stays.mean())
+    found = [score.skill_over_seeds(*one) for one in zip(overlaps, stays, strict=True)]
+    assert found[0].mean == pytest.approx((overlaps[0].mean() - stays[0].mean()) / (1.0 - stays[0].mean()))
+    assert 0.93 < np.mean([one.low <= true <= one.high for one in found]) < 0.98
+
+
+def test_skill_is_0_for_a_box_that_stays_and_leaves_out_seeds_that_one_of_both_lacks():
+    stays = [0.1, 0.3, 0.2, 0.5, 0.4]
+    assert score.skill_over_seeds(stays, stays).values == (0.0,) * 5
+    assert score.skill_over_seeds([1.0] * 5, stays).mean == 1.0
+    with_gaps = score.skill_over_seeds([0.5, math.nan, 0.9, 0.2], [0.1, 0.3, math.nan, 0.1])
+    assert with_gaps.values == pytest.approx(score.skill_over_seeds([0.5, 0.2], [0.1, 0.1]).values)
+    assert math.isnan(score.skill_over_seeds([1.0], [1.0]).mean)
