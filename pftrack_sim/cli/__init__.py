@@ -12,7 +12,7 @@ from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.core.inputs import keep_off_working_folder, read_bytes
 from pftrack_sim.core.text import printable
 
-_RUN_TRACKERS = ("bench", "evaluate", "follow", "limit", "render", "studio", "trax")
+_RUN_TRACKERS = ("bench", "evaluate", "follow", "limit", "render", "studio", "submit", "trax")
 _FACTORY = re.compile(r"(?<![\w.])(?!trax:)[A-Za-z_][\w.]*:[A-Za-z_]")
 _MAX_SUITE_BYTES = 1 << 20
 

@@ -242,6 +242,7 @@ for name, command in {
     "score": datasets.score,
     "compare": reading.compare,
     "report": reading.report,
+    "submit": reading.submit,
     "query": reading.query,
     "check": reading.check,
     "merge": reading.merge,

@@ -59,6 +59,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "compare runs/v1 runs/v2 --measure success --html difference.html",
     ),
     "report": ("report runs/first", "report runs/first --figure success.pdf"),
+    "submit": ("submit runs/mine runs/mine-driven --out mine.parquet", "submit mine.parquet --verify"),
     "query": (
         'query runs/first "SELECT tracker, avg(mean_overlap) FROM summary GROUP BY tracker"',
         'query runs/first "FROM losses" --format csv',

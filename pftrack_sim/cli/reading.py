@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import os
+import secrets
+import shlex
 import sys
 import threading
 from pathlib import Path
@@ -16,13 +18,15 @@ from rich.table import Table
 from rich.text import Text
 
 from pftrack_sim.cli import tables
-from pftrack_sim.cli.progress import progress_bar
+from pftrack_sim.cli.options import Isolation, Workers
+from pftrack_sim.cli.progress import cores, progress_bar, show_run
 from pftrack_sim.cli.values import parse_names
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.memory import memory_limit
 
 if TYPE_CHECKING:
     from pftrack_sim.benchmark.reading.store import QueryResult
+    from pftrack_sim.benchmark.reference.submission import Submission
 
 _QUERY_S, _PRINT_S, _QUERY_GB = 110.0, 10.0, 4.0
 """Limits of a query: its time, that of its last value and of printing it, and its memory."""
@@ -167,6 +171,59 @@ def report(
         return
     write_page(run)
     tables.print_losses(loss_shares(RunStore(run)))
+
+
+def submit(
+    paths: Annotated[list[Path], typer.Argument(help="Run folders of bench and follow; or a submission, to check it.")],
+    tracker: Annotated[str | None, typer.Option(help="The tracker, where a run has several.")] = None,
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Submission to write.")] = Path("submission.parquet"),
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Play a random twentieth of a submission's episodes again, and compare.")
+    ] = False,
+    workers: Workers = None,
+    isolation: Isolation = "auto",
+) -> None:
+    """Put a tracker's results on a frozen suite into one file that others can check, or check such a file.
+
+    To verify a tracker of somebody else's runs their code: name it with --tracker.
+    """
+    from pftrack_sim.benchmark import RunStore
+    from pftrack_sim.benchmark.kept.folder import is_run
+    from pftrack_sim.benchmark.reference.submission import make_submission, problems, read_submission, write_submission
+
+    if all(is_run(path) for path in paths):
+        if verify:
+            raise ParameterError("--verify takes a submission, which submit RUN... --out FILE writes")
+        made = make_submission([RunStore(path) for path in paths], tracker)
+        write_submission(out, made)
+        tables.print_folder(out)
+        tables.print_lines([f"next: pftrack-sim submit {shlex.quote(str(out))} --verify"])
+        return
+    if len(paths) != 1:
+        raise ParameterError("submit takes run folders, or one submission to check")
+    found = read_submission(paths[0])
+    wrong = problems(found)
+    about = found.about
+    what = f"{paths[0]}: {found.label} on {about.suite}, {len(found.rows)} episodes"
+    tables.print_lines([what, *(f"  {one}" for one in wrong), *(["refused"] if wrong else [])])
+    if verify and not wrong:
+        wrong = _play_again(found, tracker, cores() if workers is None else workers, isolation)
+    raise typer.Exit(1 if wrong else 0)
+
+
+def _play_again(found: Submission, tracker: str | None, workers: int, isolation: str) -> bool:
+    """Verify a submission and print what came of it; whether it is refused."""
+    from pftrack_sim.benchmark.reference.verification import verify
+    from pftrack_sim.trackers import is_builtin
+
+    name = found.about.trackers[0].name
+    if not is_builtin(name) and tracker != name:
+        raise ParameterError(f"verifying runs the code of {name}, from here: name it with --tracker {name}")
+    seed = secrets.randbits(32)  # nobody who submits knows which episodes are played
+    with show_run("", found.path, f"a twentieth of the episodes, by seed {seed}") as on_progress:
+        played = verify(found, seed, workers=workers, isolation=isolation, on_progress=on_progress)
+    tables.print_lines(played.lines())
+    return not played.good
 
 
 def update_tables(

@@ -121,6 +121,7 @@ def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> No
         tables.print_warnings([f"{path} holds more than is asked for, and all of it is run and shown: {more}"])
     finished = _execute(plan, options, path, cache)
     tables.print_run(plan, finished)
+    tables.print_standing(finished)
     tables.print_folder(path)
     write_page(path)
     tables.print_tracebacks(finished)

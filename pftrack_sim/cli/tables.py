@@ -136,6 +136,17 @@ def print_run(plan: Plan, store: RunStore) -> None:
             print_lines([f"\n{claim.verdict.upper()} with preset {claim.preset}: {claim.statement}", *parts])
 
 
+def print_standing(store: RunStore) -> None:
+    """Print where the trackers of a run stand among the reference results of its frozen suites."""
+    from pftrack_sim.benchmark.reference.standing import standings
+    from pftrack_sim.report.standing import standing_remarks, standing_tables
+
+    for found in standings(store):
+        for table in standing_tables(found):
+            print_table(table)
+        print_lines(standing_remarks(found, shlex.quote(str(store.path))), wrap=True)
+
+
 def print_comparison(found: RunComparison) -> None:
     """Print paired differences, what the seeds can show, and the episodes that lost most."""
     from pftrack_sim.report.comparison import remarks

@@ -1,0 +1,1 @@
+"""Results on frozen suites that others can check: submissions, the reference results that consist of them, places."""
