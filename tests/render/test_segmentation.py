@@ -141,8 +141,14 @@ def test_people_at_a_distance_are_drawn_and_segmented_by_the_same_coarser_meshes
             view = view_of(data, pose)
             counts.append(np.bincount(detail.shapes(view, fine) // model.ngeom, minlength=3).tolist())
             shown = renderer.color(data, pose, K).any(axis=2)
+            # Silhouettes within a hundredth of a pixel of its middle are OpenGL's to round.
+            near = [
+                segmenter.segment(view_of(data, pose, K + np.array([[0, 0, x], [0, 0, y], [0, 0, 0]])), IMAGE).ids >= 0
+                for x in (-0.01, 0.01)
+                for y in (-0.01, 0.01)
+            ]
+            assert ((shown == np.any(near, axis=0)) | (shown == np.all(near, axis=0))).all()
             ours = segmenter.segment(view, IMAGE).ids >= 0
-            assert (shown != ours).sum() <= 3
             np.testing.assert_array_equal(model.geom_dataid, detail.meshes[0])
             whole = np.zeros((HEIGHT, WIDTH), dtype=np.int32) - 1, np.zeros((HEIGHT, WIDTH), dtype=np.float32)
             poses = data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3), pose
