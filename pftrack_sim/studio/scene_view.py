@@ -18,7 +18,8 @@ from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.render.renderer import geoms_drawn
 from pftrack_sim.render.triangles import model_triangles
-from pftrack_sim.scene.layout import owner_name
+from pftrack_sim.scene.compiled_model import texture_image
+from pftrack_sim.scene.layout import SCENERY_GROUP, owner_name
 from pftrack_sim.scene.scene_spec import geom_meshes
 from pftrack_sim.studio.tracked import Moment
 
@@ -41,6 +42,9 @@ _RING_M = 0.45
 
 _BACK_M, _UP_M, _CLEAR_M = 4.0, 3.0, 0.4
 """Where the view starts behind and above the robot's camera, and how far from what stands behind it."""
+
+_PLACE = (np.arange(6) == SCENERY_GROUP).astype(np.uint8)
+"""Groups of geoms that a ray to the back meets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +79,6 @@ class SceneView:
         self._scene.on_rect_select(modifier="shift")(self._drawn)
         self._batches: list[_Batch] = []
         self._people: tuple[str, ...] = ()
-        self._corners = np.empty((0, 3))
         self._pose = np.eye(4)
         self._scene.configure_default_lights(enabled=True, cast_shadow=False)
 
@@ -93,8 +96,9 @@ class SceneView:
         moving = (model.body_weldid[model.geom_bodyid] != 0) | (model.body_mocapid[model.geom_bodyid] >= 0)
         still = drawn & ~moving & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
         self._people = people
-        self._corners, glb = _static_scene(model, moment, still)
-        self._scene.add_glb("/place", glb, receive_shadow=False)
+        self._model, self._data = model, mujoco.MjData(model)
+        self._data.geom_xpos[:], self._data.geom_xmat[:] = moment.geom_m, moment.geom_rotation.reshape(-1, 9)
+        self._scene.add_glb("/place", _static_scene(model, moment, still), receive_shadow=False)
         for old in self._batches:
             old.handle.remove()
         self._batches = []
@@ -158,7 +162,8 @@ class SceneView:
         forward, camera = self._forward(), self._pose[:3, 3]
         if not self._batches:
             return camera - 0.3 * forward, camera + _PICTURE_AT_M * forward
-        back_m = min(_BACK_M, max(0.0, _first_hit_m(self._corners, camera, -forward) - _CLEAR_M))
+        hit_m = mujoco.mj_ray(self._model, self._data, camera, -forward, _PLACE, 1, -1, np.zeros(1, np.int32), None)
+        back_m = min(_BACK_M, max(0.0, hit_m - _CLEAR_M)) if hit_m >= 0.0 else _BACK_M
         return camera - back_m * forward + (0.0, 0.0, _UP_M), camera + 3.0 * forward - (0.0, 0.0, 0.4)
 
     def _forward(self) -> FloatArray:
@@ -262,20 +267,8 @@ def _frustum(half_m: FloatArray) -> Any:
     return np.array([*(((0.0, 0.0, 0.0), corner) for corner in corners), *rim], dtype=np.float32)
 
 
-def _first_hit_m(corners: FloatArray, start: FloatArray, along: FloatArray) -> float:
-    """Distance at which a ray first meets one of the triangles with `(3 N, 3)` corners; infinity for none."""
-    first, second, third = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
-    sides = second - first, third - first
-    across, offset = np.cross(along, sides[1]), start - first
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = 1.0 / np.einsum("ni,ni->n", sides[0], across)
-        u, turned = scale * np.einsum("ni,ni->n", offset, across), np.cross(offset, sides[0])
-        v, distance = scale * (turned @ along), scale * np.einsum("ni,ni->n", sides[1], turned)
-        return float(np.min(distance[(u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (distance > 0.0)], initial=np.inf))
-
-
-def _static_scene(model: mujoco.MjModel, moment: Moment, shown: BoolArray) -> tuple[FloatArray, bytes]:
-    """The `(ngeom,)` geoms that are shown and do not move: `(3 N, 3)` corners of triangles, and a GLB with textures."""
+def _static_scene(model: mujoco.MjModel, moment: Moment, shown: BoolArray) -> bytes:
+    """The `(ngeom,)` geoms that are shown and do not move, as a GLB with textures."""
     found = model_triangles(model, shown, geom_meshes(model)[:1])
     parts: dict[tuple[int, tuple[float, ...]], list[tuple[FloatArray, FloatArray]]] = {}
     for geom in np.flatnonzero(shown).tolist():
@@ -290,7 +283,7 @@ def _static_scene(model: mujoco.MjModel, moment: Moment, shown: BoolArray) -> tu
     trimesh, scene = _trimesh(), _trimesh().Scene()
     for (texture, rgb), pieces in parts.items():
         corners, uv = (np.concatenate(one) for one in zip(*pieces, strict=True))
-        jpeg = None if texture < 0 else io.BytesIO(encode(_pixels(model, texture), ".jpg"))
+        jpeg = None if texture < 0 else io.BytesIO(encode(texture_image(model, texture), ".jpg"))
         material = trimesh.visual.material.PBRMaterial(
             baseColorFactor=[*rgb, 1.0],
             baseColorTexture=jpeg and importlib.import_module("PIL.Image").open(jpeg),
@@ -301,8 +294,7 @@ def _static_scene(model: mujoco.MjModel, moment: Moment, shown: BoolArray) -> tu
         visual = trimesh.visual.TextureVisuals(uv=uv * (1.0, -1.0), material=material)
         faces = np.arange(len(corners)).reshape(-1, 3)
         scene.add_geometry(trimesh.Trimesh(corners, faces, visual=visual, process=False))
-    every = [corners for pieces in parts.values() for corners, _ in pieces]
-    return np.concatenate(every), scene.export(file_type="glb")
+    return scene.export(file_type="glb")
 
 
 def _surface(model: mujoco.MjModel, geom: int) -> tuple[int, FloatArray, FloatArray | None]:
@@ -318,20 +310,12 @@ def _surface(model: mujoco.MjModel, geom: int) -> tuple[int, FloatArray, FloatAr
     return texture, np.clip(rgba[:3], 0.0, 1.0).astype(np.float64), uv
 
 
-def _pixels(model: mujoco.MjModel, texture: int) -> Any:
-    """`(H, W, 3)` uint8 RGB."""
-    width, height, channels = model.tex_width[texture], model.tex_height[texture], model.tex_nchannel[texture]
-    start = int(model.tex_adr[texture])
-    pixels = model.tex_data[start : start + width * height * channels].reshape(height, width, channels)
-    return np.ascontiguousarray(pixels[..., :3])
-
-
 def _mean_colour(model: mujoco.MjModel, geom: int) -> Any:
     """`(3,)` uint8: mean of a geom's texture over its faces, or of the whole texture, times its own colour."""
     texture, rgb, uv = _surface(model, geom)
     if texture < 0:
         return (255.0 * rgb).astype(np.uint8)
-    pixels = _pixels(model, texture)
+    pixels = texture_image(model, texture)
     if uv is not None:
         places = np.mod(uv.mean(axis=1), 1.0) * pixels.shape[1::-1]
         pixels = pixels[places[:, 1].astype(np.intp), places[:, 0].astype(np.intp)]

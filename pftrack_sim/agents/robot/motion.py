@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pftrack_sim.agents.robot.sensors import ACCELEROMETER, GYRO
-from pftrack_sim.camera.trajectory import exp_so3, log_so3
+from pftrack_sim.camera.trajectory import log_so3
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.types import FloatArray
@@ -122,16 +123,12 @@ def _angles_of(path: Path, quaternions: FloatArray) -> FloatArray:
         raise ParameterError(
             f"{path}: quaternions have the length 1, got {length[np.argmax(np.abs(length - 1.0))]:.3g}"
         )
-    w, x, y, z = (quaternions / length[:, None]).T
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    return np.stack([roll, pitch, np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))], axis=1)
+    return Rotation.from_quat(quaternions, scalar_first=True).as_euler("xyz")
 
 
 def rotation_of(angles: FloatArray) -> FloatArray:
     """`(3, 3)` rotation by roll, pitch and yaw [rad]: about x, then y, then z of the world."""
-    about_x, about_y, about_z = exp_so3(np.diag(angles))
-    return about_z @ about_y @ about_x
+    return Rotation.from_euler("xyz", angles).as_matrix()
 
 
 def _slow(column: FloatArray) -> FloatArray:

@@ -69,11 +69,6 @@ class Anatomy:
     glasses: Glasses = "none"
 
     @property
-    def hip_height_m(self) -> float:
-        """Height of the hip joints above the ground with straight legs [m]."""
-        return self.thigh_m + self.shank_m + self.ankle_m
-
-    @property
     def sole_m(self) -> tuple[float, float, float, float]:
         """Arcs on which the shoe rolls: x of the heel arc's centre, its radius, x of the toe arc's centre, its radius.
 
