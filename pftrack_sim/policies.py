@@ -44,7 +44,7 @@ def robot_parameters(settings: ResolvedScenario, latency_ms: float = 0.0) -> Rob
         settings: The resolved scenario.
         latency_ms: Time that the tracker takes per frame: the controller is called as often as the tracker answers.
     """
-    robot, camera = settings.robot, settings.camera
+    robot, camera = settings.robot, settings.viewing.camera
     return RobotParameters(
         (camera.width_px, camera.height_px),
         2.0 * camera.half_view_rad[1],
@@ -74,12 +74,15 @@ class TrackingPolicy:
 
     Args:
         tracker: The tracker.
-        target: Name in `info["targets"]`; None: the target of the observation. It starts where that can first be seen.
+        target: Name in `info["targets"]`; None: the target of the observation.
+        camera: Name in `info["cameras"]`; None: the one of the observation's `image`.
+
+    With a name it starts where that target can first be seen by that camera.
     """
 
     @checked
-    def __init__(self, tracker: Tracker, target: str | None = None) -> None:
-        self.tracker, self._target = tracker, target
+    def __init__(self, tracker: Tracker, target: str | None = None, camera: str | None = None) -> None:
+        self.tracker, self._target, self._camera = tracker, target, camera
         self.reset()
 
     def reset(self) -> None:
@@ -102,8 +105,8 @@ class TrackingPolicy:
             TrackerError: The tracker needs the truth or detections, and no `info` was passed; or it needs images, and
                 the environment was made with `image=False`.
         """
-        if self._target is not None:
-            observation, info = self._of_target(self._target, observation, info)
+        if self._target is not None or self._camera is not None:
+            observation, info = self._as_main(observation, info)
         if isinstance(self.tracker, NeedsTruth):
             if info is None:
                 raise TrackerError("this tracker needs the truth: call the policy with (observation, info)")
@@ -124,17 +127,25 @@ class TrackingPolicy:
             self.estimate = as_estimate(self.tracker.update(image)) if self._started else NO_ESTIMATE
         return np.array(self.estimate.box)
 
-    def _of_target(
-        self, name: str, observation: Mapping[str, Any], info: Mapping[str, Any] | None
+    def _as_main(
+        self, observation: Mapping[str, Any], info: Mapping[str, Any] | None
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """What is told of a target, as if the episode were about it."""
+        """What is told of its camera and target, as if the episode were about them."""
+        name, camera = self._target, self._camera
         if info is None:
-            raise TrackerError(f"to follow {name!r}, call the policy with (observation, info)")
-        if name not in info["targets"]:
-            raise UnknownNameError("target", name, info["targets"])
+            raise TrackerError(f"to follow {name or camera!r}, call the policy with (observation, info)")
         if info["frame"] == 0:
             self.reset()
-        truth = info["targets"][name]
+        if camera is not None:
+            cameras = info.get("cameras", {})
+            if camera not in cameras:
+                raise UnknownNameError("camera", camera, cameras)
+            info = {**info, **cameras[camera]}
+            images = observation.get("images", {})
+            observation = {**observation, "image": images[camera]} if images else observation
+        if name is not None and name not in info["targets"]:
+            raise UnknownNameError("target", name, info["targets"])
+        truth = info["truth"] if name is None else info["targets"][name]
         first = not self._started and truth.scored
         return {**observation, "first": int(first), "init_box": truth.box}, {**info, "truth": truth}
 

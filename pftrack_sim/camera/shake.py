@@ -8,6 +8,7 @@ Gaussian process with the number of cosines, and is closed form in time: instant
 from __future__ import annotations
 
 import math
+from copy import copy
 
 import cv2
 import numpy as np
@@ -34,6 +35,7 @@ class CameraShake:
 
     def __init__(self, omega: FloatArray, phase: FloatArray, amplitude: FloatArray) -> None:
         self._omega, self._phase, self._amplitude, self._still = omega, phase, amplitude, not amplitude.any()
+        self._fixed: FloatArray | None = None
 
     @classmethod
     def band_limited(cls, jitter: Jitter, rng: np.random.Generator) -> CameraShake:
@@ -87,15 +89,26 @@ class CameraShake:
         axes = (self._amplitude * np.cos(self._omega * time + self._phase)).sum(axis=-1)
         return axes[..., :3], axes[..., 3:]
 
+    def seen_from(self, T_camera_other: FloatArray) -> CameraShake:
+        """The same vibration as it moves another camera, `(4, 4)` fixed to the shaken one."""
+        other = copy(self)
+        other._fixed = T_camera_other
+        return other
+
     def displace(self, T_world_camera: FloatArray, time_s: float) -> FloatArray:
-        """`(4, 4)` pose of the shaken camera at a time, from that without shake; equal to the bit without shake."""
+        """`(4, 4)` pose of the shaken camera at a time, from that without shake; equal to the bit without shake.
+
+        `T_world_camera` is that of the camera on the mount, also for another one that is `seen_from` it.
+        """
         if self._still:
-            return np.array(T_world_camera, dtype=np.float64)
+            pose = np.array(T_world_camera, dtype=np.float64)
+            return pose if self._fixed is None else pose @ self._fixed
         rotation, translation = self.offset(time_s)
         T_camera_shaken = _IDENTITY.copy()
         T_camera_shaken[:3, :3] = cv2.Rodrigues(rotation)[0]
         T_camera_shaken[:3, 3] = translation
-        return T_world_camera @ T_camera_shaken
+        pose = T_world_camera @ T_camera_shaken
+        return pose if self._fixed is None else pose @ self._fixed
 
 
 def camera_shake(base: Jitter, axis: JitterAxis, seed: int, mast_m: float) -> CameraShake:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Literal, Protocol, Self, TypeAlias, cast, overload, runtime_checkable
 
 import numpy as np
@@ -312,6 +312,7 @@ class Frame:
         image: `(H, W, 3)` uint8 RGB, read-only; black where the simulation draws no images.
         truth: The target.
         people: Persons in view, the target first; targets are listed also when out of view.
+        cameras: The same instant as other cameras take it, by name.
     """
 
     index: int
@@ -319,6 +320,7 @@ class Frame:
     image: Image
     truth: Truth
     people: Sequence[Truth]
+    cameras: Mapping[str, Frame] = field(default_factory=dict["str", "Frame"])
 
 
 @runtime_checkable

@@ -29,6 +29,7 @@ class CameraEnv(gym.Env[Observation, Any]):
     Observation, a dict:
 
     - `image`: `(H, W, 3)` uint8 RGB; left out with `image=False`.
+    - `images`: a dict of `(H, W, 3)` uint8 RGB by name, of the scenario's other cameras where it has any.
     - `depth`: `(H, W)` float32 distance along the optical axis of what each pixel shows [m], infinite for the sky, with
       `depth=True`. It is exact, and the same without images: see `Simulation.depth`.
     - `init_box`: `(4,)` float64 x, y, w, h [px]: the target while `first` is 1, else zeros.
@@ -37,9 +38,10 @@ class CameraEnv(gym.Env[Observation, Any]):
     - `proprio`: `(n,)` float32, proprioception (`pftrack_sim.core.proprioception.PROPRIO_NAMES`).
 
     Information, a dict: `truth` of the target, of all `people` in view, and of `targets` by name; `detections` of
-    people as a detector gives them (`core.records.Detections`, see the stress axis `detector`); `time_s`, `frame`,
-    `seed`. Others than the target, detections, and the pixels of a target that nothing can occlude are computed when
-    they are first read: in the thread that steps the environment, since they are rendered.
+    people as a detector gives them (`core.records.Detections`, see the stress axis `detector`); `cameras` with these
+    four of other cameras, by name; `time_s`, `frame`, `seed`. Others than the target, detections, and the pixels of a
+    target that nothing can occlude are computed when they are first read: in the thread that steps the environment,
+    since they are rendered.
 
     Args:
         scenario: A name in `envs/`, a path to a TOML file, a dict, or a Scenario.
@@ -83,25 +85,34 @@ class CameraEnv(gym.Env[Observation, Any]):
         self.render_mode, self._image, self._depth = render_mode, image, depth
         self.scenario = scenarios.load(scenario, overrides)
         settings = self.scenario.resolve(0)
-        camera, scan = settings.camera, settings.robot.range_finder
+        camera, scan = settings.viewing.camera, settings.robot.range_finder
         self.proprio_high = proprio_high(scan.beams, scan.range_m)
         self.metadata = {**type(self).metadata, "render_fps": round(camera.rate_hz)}
         if not image:
             self.metadata["render_modes"] = []
         self.image_size_px = (camera.width_px, camera.height_px)
         far = float(max(self.image_size_px))
-        pixels = gym.spaces.Box(0, 255, (camera.height_px, camera.width_px, 3), np.uint8)
+        seen = {name: settings.seen_by(name).camera for name in settings.camera_names}
+        spaces: dict[str, gym.Space[Any]] = {
+            name: gym.spaces.Box(0, 255, (one.height_px, one.width_px, 3), np.uint8) for name, one in seen.items()
+        }
+        pixels = spaces.pop(settings.viewed)
         self.observation_space = gym.spaces.Dict(
             {
                 **({"image": pixels} if image else {}),
-                **({"depth": gym.spaces.Box(0.0, np.inf, pixels.shape[:2], np.float32)} if depth else {}),
+                **({"images": gym.spaces.Dict(spaces)} if image and spaces else {}),
+                **(
+                    {"depth": gym.spaces.Box(0.0, np.inf, (camera.height_px, camera.width_px), np.float32)}
+                    if depth
+                    else {}
+                ),
                 # A selected box lies inside the image.
                 "init_box": gym.spaces.Box(0.0, far, (4,), np.float64),
                 "first": gym.spaces.Discrete(2),
                 "proprio": gym.spaces.Box(-self.proprio_high, self.proprio_high, dtype=np.float32),
             }
         )
-        self.simulation = Simulation(self.scenario, backend=backend, image=image)
+        self.simulation = Simulation(self.scenario, backend=backend, image=image, cameras=True)
         self.episode_seed = 0
         """Root seed of the episode; 0 before the first reset."""
         self._window = Window(self.scenario.name, camera.rate_hz) if render_mode == "human" else None
@@ -118,7 +129,11 @@ class CameraEnv(gym.Env[Observation, Any]):
             raise ParameterError(f"reset takes no options, got {sorted(options)}")
         self.episode_seed = seed if seed is not None else int(self.np_random.integers(2**31))
         self._frame = self.simulation.reset(self.episode_seed)
-        self._detector = DetectionModel(self.simulation.settings, self.episode_seed)
+        settings = self.simulation.settings
+        self._detectors = {
+            name: DetectionModel(settings.model_copy(update={"viewed": name}), self.episode_seed)
+            for name in settings.camera_names
+        }
         self._answered = self._shown = None
         self._selected_in: int | None = None
         self._show_window()
@@ -192,22 +207,32 @@ class CameraEnv(gym.Env[Observation, Any]):
         first = int(frame.index == self._selected_in)
         box = frame.truth.box.copy() if first else np.zeros(4)
         # Copies: wrappers and learners may write into an observation.
-        pixels = {"image": frame.image.copy()} if self._image else {}
+        pixels: dict[str, Any] = {"image": frame.image.copy()} if self._image else {}
+        if self._image and frame.cameras:
+            pixels["images"] = {name: one.image.copy() for name, one in frame.cameras.items()}
         depth = {"depth": self.simulation.depth()} if self._depth else {}
         return {**pixels, **depth, "init_box": box, "first": first, "proprio": self.simulation.world.proprio()}
 
     def _info(self, frame: Frame) -> dict[str, Any]:
+        cameras = {name: self._seen(one, name) for name, one in frame.cameras.items()}
+        return {
+            **self._seen(frame, self.simulation.settings.viewed),
+            **({"cameras": cameras} if cameras else {}),
+            "time_s": frame.time_s,
+            "frame": frame.index,
+            "seed": self.episode_seed,
+            "image_size_px": self.image_size_px,
+        }
+
+    def _seen(self, frame: Frame, camera: str) -> dict[str, Any]:
+        """What is told of the people in a frame."""
         names = self.simulation.settings.target_names
         told = frame.people if len(names) > 1 else (frame.truth,)
         return {
             "truth": frame.truth,
             "people": frame.people,
             "targets": {one.name: one for one in told if one.name in names or one is frame.truth},
-            "detections": self._detector.detect(frame.people, frame.image if self._image else None),
-            "time_s": frame.time_s,
-            "frame": frame.index,
-            "seed": self.episode_seed,
-            "image_size_px": self.image_size_px,
+            "detections": self._detectors[camera].detect(frame.people, frame.image if self._image else None),
         }
 
     def _advance(self, command: NDArray[np.float64] | None, answer: Estimate | None, late_s: float = 0.0) -> Frame:

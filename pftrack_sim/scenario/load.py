@@ -140,7 +140,12 @@ def _with_files(name: str, tree: Tree, folder: Path) -> Tree:
     """The tree with what the files that it names tell in their place; paths are relative to the folder."""
     for table, key in (("place", "model"), ("robot", "model"), ("robot", "motion")):
         tree = _with_file(name, tree, table, key, folder)
-    return _with_calibration(name, tree, folder)
+    tree = {**tree, "camera": _with_calibration(name, tree["camera"], folder, "camera")} if "camera" in tree else tree
+    cameras = tree.get("cameras")
+    if not isinstance(cameras, list):
+        return tree
+    listed = enumerate(cast("list[object]", cameras))
+    return {**tree, "cameras": [_with_calibration(name, one, folder, f"cameras.{index}") for index, one in listed]}
 
 
 def _with_file(name: str, tree: Tree, table: str, key: str, folder: Path) -> Tree:
@@ -159,15 +164,14 @@ def _with_file(name: str, tree: Tree, table: str, key: str, folder: Path) -> Tre
     return {**tree, table: {**cast("Tree", own), **found}}
 
 
-def _with_calibration(name: str, tree: Tree, folder: Path) -> Tree:
-    """The tree with what the file `camera.calibration` tells in its place."""
-    camera = tree.get("camera")
-    if not isinstance(camera, Mapping) or "calibration" not in camera:
-        return tree
+def _with_calibration(name: str, camera: object, folder: Path, where: str) -> object:
+    """The table of a camera with what the file at its key `calibration` tells in its place."""
+    if not isinstance(camera, dict) or "calibration" not in camera:
+        return cast("object", camera)
     own = dict(cast("Tree", camera))
     file = own.pop("calibration")
     if file is None:
-        return tree
+        return own
     try:
         if not isinstance(file, str):
             raise ParameterError(f"takes the path of a file, got {file!r}")
@@ -178,9 +182,9 @@ def _with_calibration(name: str, tree: Tree, folder: Path) -> Tree:
         (fx, _, cx), (_, fy, cy), _ = found.K.tolist()
         calibrated = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "distortion": list(found.lens)}
     except ParameterError as error:
-        raise ScenarioError(name, [f"camera.calibration: {error}"]) from None
+        raise ScenarioError(name, [f"{where}.calibration: {error}"]) from None
     size = {"width_px": width, "height_px": height}
-    return {**tree, "camera": {**size, **own, "calibrated": {**size, **calibrated}}}
+    return {**size, **own, "calibrated": {**size, **calibrated}}
 
 
 def _located(scenario: str | Path, path: Path) -> tuple[Path, str]:

@@ -6,14 +6,16 @@ x forward at the robot's start. The JSON Schema for editors is derived from thes
 
 from __future__ import annotations
 
-import math
 import re
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field, model_validator
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError, model_validator
 
 from pftrack_sim.core.errors import UnknownNameError
 from pftrack_sim.scenario.axes import Axes
+from pftrack_sim.scenario.camera import CAMERA, Camera, FurtherCamera
 from pftrack_sim.scenario.people import Distractors, FurtherTarget, Group, Target, end_s, title
 from pftrack_sim.scenario.robot import Robot
 from pftrack_sim.scenario.section import (
@@ -77,69 +79,6 @@ AnyPlace: TypeAlias = Annotated[Place | MapPlace | MjcfPlace | MeshPlace, Field(
 
 
 _RESERVED = re.compile(r"target|bearer|walker|(distractor|crosser|passer|member)-\d+")  # Names of people
-
-_LensCoefficient: TypeAlias = Annotated[float, Field(ge=-1000.0, le=1000.0)]
-
-
-class CalibratedLens(Section):
-    """Camera matrix and lens of a calibration, in OpenCV's conventions: the middle of the first pixel is at (0, 0)."""
-
-    width_px: int = number(..., 16, 4096, "Width of the images that it is of.")
-    height_px: int = number(..., 16, 4096, "Height of the images that it is of.")
-    fx: float = number(..., 4, 10_000, "Focal length across [px].")
-    fy: float = number(..., 4, 10_000, "Focal length down [px].")
-    cx: float = number(..., -4096, 8192, "Principal point [px].")
-    cy: float = number(..., -4096, 8192, "Principal point [px].")
-    distortion: tuple[_LensCoefficient, ...] = setting(
-        (0.0,) * 5,
-        "k1, k2, p1, p2, k3 of Brown's model; eight with k4, k5, k6 of a rational polynomial; four are k1 to k4 of an "
-        "equidistant lens.",
-        min_length=4,
-        max_length=8,
-    )
-
-
-class Camera(Section):
-    """The camera on the robot's mast."""
-
-    width_px: int = number(640, 16, 4096, "Image width.")
-    height_px: int = number(480, 16, 4096, "Image height.")
-    fovy_deg: float = number(50.0, 5, 130, "Vertical field of view.")
-    rate_hz: float = number(30.0, 1, 250, "Frames per second.")
-    height_m: float = number(1.25, 0.3, 3, "Height of the optical centre.")
-    mount: Literal["front", "left", "right", "back"] = setting("front", "Direction of the camera at rest.")
-    tilt_deg: float = number(0.0, -45, 45, "Tilt at rest; positive looks up.")
-    grey: bool = setting(False, "A grey camera: its luma in each of the three channels.")
-    calibration: str | None = setting(None, "YAML file of ROS, OpenCV or Kalibr, read into `calibrated`.")
-    calibrated: CalibratedLens | None = setting(None, "Camera matrix and lens in the place of `fovy_deg`.")
-
-    @model_validator(mode="after")
-    def _of_one_size(self) -> Camera:
-        own = self.calibrated
-        if own is not None and (own.width_px, own.height_px) != (self.width_px, self.height_px):
-            raise ValueError(
-                f"the calibration is of images of {own.width_px} x {own.height_px}: set camera.width_px and "
-                f"camera.height_px to these, got {self.width_px} x {self.height_px}"
-            )
-        return self
-
-    @property
-    def intrinsics_px(self) -> tuple[float, float, float, float]:
-        """Focal lengths fx, fy and principal point cx, cy from the upper left corner of the image."""
-        own = self.calibrated
-        if own is not None:
-            return own.fx, own.fy, own.cx + 0.5, own.cy + 0.5
-        focal = 0.5 * self.height_px / math.tan(self.half_view_rad[1])
-        return focal, focal, 0.5 * self.width_px, 0.5 * self.height_px
-
-    @property
-    def half_view_rad(self) -> tuple[float, float]:
-        """Half the horizontal and half the vertical field of view, without the lens's distortion."""
-        own = self.calibrated
-        if own is not None:
-            return math.atan(0.5 * own.width_px / own.fx), math.atan(0.5 * own.height_px / own.fy)
-        half = math.radians(0.5 * self.fovy_deg)
-        return math.atan(math.tan(half) * self.width_px / self.height_px), half
 
 
 class Jitter(Section):
@@ -263,6 +202,8 @@ class ResolvedScenario(Section):
     place: AnyPlace
     robot: Robot
     camera: Camera = Camera()
+    cameras: tuple[FurtherCamera, ...] = setting((), "Further cameras, fixed to the first one.", max_length=8)
+    viewed: str = setting(CAMERA, "Name of the camera that trackers look through: 'camera' is the first one.")
     sensor: Sensor = Sensor()
     jitter: Jitter = Jitter()
     axes: Axes = Axes()
@@ -274,15 +215,6 @@ class ResolvedScenario(Section):
     groups: tuple[Group, ...] = setting((), "People who belong together.", max_length=6)
     occluders: tuple[Occluder, ...] = setting((), "Occlusions, each at its time.", max_length=32)
     follow: Follow = Follow()
-
-    @model_validator(mode="after")
-    def _of_one_lens(self) -> ResolvedScenario:
-        own = self.camera.calibrated
-        if own is not None and len(own.distortion) == 4 and any(self.axes.distortion.coefficients):
-            raise ValueError(
-                "axes.distortion: is of Brown's model, and camera.calibrated of an equidistant lens: set 0"
-            )
-        return self
 
     @model_validator(mode="after")
     def _targets_are_people(self) -> ResolvedScenario:
@@ -297,6 +229,46 @@ class ResolvedScenario(Section):
         if self.tracked not in (known := [*dict.fromkeys([*self.target_names, *people])]):
             raise ValueError(f"tracked: {UnknownNameError('person', self.tracked, known)}")
         return self
+
+    @model_validator(mode="after")
+    def _cameras_are_possible(self) -> ResolvedScenario:
+        names = self.camera_names
+        for place, name in enumerate(names):
+            where = "camera" if place == 0 else f"cameras.{place - 1}"
+            if name in names[:place]:
+                raise ValueError(f"{where}.name: {name!r} is the name of another camera: choose another")
+            try:
+                own = self.seen_by(name).camera.calibrated
+            except ValidationError as error:
+                raise ValueError(f"{where}: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
+            if own is not None and len(own.distortion) == 4 and any(self.axes.distortion.coefficients):
+                raise ValueError(
+                    f"axes.distortion: is of Brown's model, and {where}.calibrated of an equidistant lens: set 0"
+                )
+        if self.viewed not in names:
+            raise ValueError(f"viewed: {UnknownNameError('camera', self.viewed, names)}")
+        return self
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """Names of all cameras, that of `camera` first."""
+        return CAMERA, *(one.name for one in self.cameras)
+
+    def seen_by(self, name: str) -> ResolvedScenario:
+        """The scenario whose `camera` has lens and image of the one of this name."""
+        if name == CAMERA:
+            return self
+        further = next(one for one in self.cameras if one.name == name)
+        return self.model_copy(update={"camera": further.seen_by(self.camera)})
+
+    @property
+    def viewing(self) -> ResolvedScenario:
+        """The scenario as trackers see it."""
+        return self.seen_by(self.viewed)
+
+    def T_camera(self, name: str) -> NDArray[np.float64]:
+        """`(4, 4)` pose of a further camera in the axes of the first one."""
+        return next(one.T_camera for one in self.cameras if one.name == name)
 
     @property
     def target_names(self) -> tuple[str, ...]:

@@ -24,6 +24,9 @@ from pftrack_sim.scenario.section import (
     setting,
 )
 
+NAME = "^[A-Za-z][A-Za-z0-9_-]{0,31}$"
+"""Pattern of names of targets and cameras."""
+
 BACKWARD_SPEED_M_S = 0.9
 TURNING_S = 3.9  # Of an action that faces about: slowing down and both turns; the rest is spent turned.
 
@@ -391,7 +394,7 @@ class FurtherTarget(Section):
     name: str = setting(
         ...,
         "Name, as truth tells it; without `path_m` that of one of the scenario's people, as 'distractor-1'.",
-        pattern="^[A-Za-z][A-Za-z0-9_-]{0,31}$",
+        pattern=NAME,
     )
     path_m: tuple[Point, ...] = setting((), "Points the person walks through, as the target's.", max_length=1000)
     speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")

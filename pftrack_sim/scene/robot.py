@@ -9,7 +9,8 @@ import mujoco
 
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.errors import ParameterError, ScenarioError
-from pftrack_sim.scenario import ResolvedScenario, model
+from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.scenario.camera import Camera
 from pftrack_sim.scenario.robot import Robot
 from pftrack_sim.scene.robot_file.fitting import add_fitted, fit
 from pftrack_sim.scene.robot_file.roles import Roles
@@ -82,7 +83,7 @@ class RobotForm:
     roles: Roles | None = None
 
     @classmethod
-    def of(cls, robot: Robot, camera: model.Camera) -> RobotForm:
+    def of(cls, robot: Robot, camera: Camera) -> RobotForm:
         """That of a scenario."""
         return cls(robot.floor_friction, camera.height_m, camera.tilt_deg, camera.fovy_deg, Roles.of(robot))
 

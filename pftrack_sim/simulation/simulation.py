@@ -14,21 +14,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.camera.shake import camera_shake
 from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import ParameterError, ScenarioError
-from pftrack_sim.core.records import Frame, Image
+from pftrack_sim.core.records import Frame
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.render.capture.frame_capture import CapturedFrame, FrameCapture, make_frame_capture
 from pftrack_sim.render.renderer import Renderer, check_name, open_renderer
 from pftrack_sim.scenario import ResolvedScenario, Scenario
 from pftrack_sim.scenario.frame_delivery import arrivals, frame_count
-from pftrack_sim.scene.people.person import TRUNK
 from pftrack_sim.scene.robot import fitted_settings
+from pftrack_sim.simulation.camera import EpisodeCamera
 from pftrack_sim.simulation.world import World
 from pftrack_sim.truth.geometry import SceneGeometry
-from pftrack_sim.truth.observer import TruthObserver
 from pftrack_sim.truth.silhouettes import Silhouette
 
 LIVE_AXES = ("jitter", "blur", "rolling_shutter", "distortion", "noise", "stream")
@@ -43,6 +40,7 @@ class Simulation:
         backend: `"gl"`, `"egl"`, `"osmesa"`, `"warp"`, or None: OpenGL where a library loads, else warp if installed.
         image: Whether frames have images. Without, nothing needs OpenGL, and the truth is the same but for its
             `luminance`, which is NaN; axes of pixels change nothing.
+        cameras: Whether frames have those of the scenario's other cameras, too.
 
     Raises:
         UnknownNameError: An unknown backend.
@@ -51,22 +49,22 @@ class Simulation:
     """
 
     @checked
-    def __init__(self, scenario: Scenario, *, backend: str | None = None, image: bool = True) -> None:
+    def __init__(
+        self, scenario: Scenario, *, backend: str | None = None, image: bool = True, cameras: bool = False
+    ) -> None:
         check_name(backend)  # A wrong name is an error now, not at the first reset.
         if backend is not None and not image:
             raise ParameterError(f"without images nothing is drawn: leave out the backend {backend!r}")
-        self._clear(scenario, backend, image)
+        self._clear(scenario, backend, image, cameras)
 
-    def _clear(self, scenario: Scenario, backend: str | None, image: bool) -> None:
-        self.scenario, self._backend, self._draws = scenario, backend, image
-        self._image_size: tuple[int, int] | None = None
-        self._renderer: Renderer | None = None
+    def _clear(self, scenario: Scenario, backend: str | None, image: bool, cameras: bool) -> None:
+        self.scenario, self._backend, self._draws, self._all_cameras = scenario, backend, image, cameras
+        self._image_sizes: dict[str, tuple[int, int]] = {}
+        self._renderers: dict[tuple[int, int], Renderer] = {}
+        self._cameras: dict[str, EpisodeCamera] = {}
         self._world: World | None = None
-        self._frame_capture: FrameCapture | None = None
-        self._truth: TruthObserver | None = None
         self._frame: Frame | None = None
         self._collision: str | None = None
-        self._T_world_camera = np.eye(4)
         self.frame_count = 0
         """Frames delivered in the running episode; 0 before the first reset."""
         self.command: FloatArray | None = None
@@ -105,8 +103,8 @@ class Simulation:
         for index in range(last):
             if index in stops[-2:]:
                 self._take_frame()
-            elif self._draws and self._sensor.metering:
-                self._expose()
+            else:
+                self._meter()
             command = commands[min(index, len(commands) - 1)]
             self._collision = None if index in stops else self._collision
             self._advance_period(command, 0.0)
@@ -123,9 +121,8 @@ class Simulation:
             UnknownNameError: There is no such person: see `world.people`.
             ScenarioError: No episode is running.
         """
-        if self._truth is None:
-            raise self._no_episode()
-        self._truth.track(name)
+        for camera in (self._camera, *self._cameras.values()):
+            camera.truth.track(name)
         self._tracked = name
 
     def retune(self, scenario: Scenario, seed: int) -> None:
@@ -146,16 +143,12 @@ class Simulation:
         if present.model_copy(update={"axes": present.axes.model_copy(update=live)}) != settings:
             raise ScenarioError(scenario.name, [f"only {', '.join(LIVE_AXES)} can change within an episode"])
         frame, world = self.frame, self.world
-        shake = camera_shake(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
-        capture = make_frame_capture(settings, world.model, self._K, shake)
-        if self._truth is not None:
-            self._truth.finish()
-        self.scenario, self._shake, self._frame_capture = scenario, shake, capture
+        self.scenario = scenario
+        self._shake = camera_shake(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
         world.retune(settings)
-        size = (settings.camera.width_px, settings.camera.height_px) if capture is None else capture.render_size
-        self._bind_renderer(world, size)
-        self._observe()
-        self._sensor.retune(settings.axes, seed)
+        for name, camera in self._cameras.items():
+            camera.retune(settings.seen_by(name), self._shake)
+        self._bind_renderers(world)
         self._arrivals = arrivals(settings, seed)
         self._index = sum(1 for _ in itertools.takewhile(lambda index: index <= self._delivered, self._arrivals)) - 1
         self._arrivals = (index for index in arrivals(settings, seed) if index > self._delivered)
@@ -166,27 +159,25 @@ class Simulation:
     def _begin(self, seed: int) -> None:
         """Build the world of a seed, and record the poses of the first frame."""
         settings = fitted_settings(self.scenario.resolve(seed))
-        size = (settings.camera.width_px, settings.camera.height_px)
-        if self._image_size not in (None, size):
-            problem = f"camera: the image size must not change with the seed, got {self._image_size} and then {size}"
-            raise ScenarioError(self.scenario.name, [problem])
-        if self._truth is not None:
-            self._truth.finish()
+        seen = {name: settings.seen_by(name).camera for name in settings.camera_names}
+        sizes = {name: (one.width_px, one.height_px) for name, one in seen.items()}
+        for name, size in sizes.items():
+            if (known := self._image_sizes.get(name, size)) != size:
+                problem = f"{name}: the image size must not change with the seed, got {known} and then {size}"
+                raise ScenarioError(self.scenario.name, [problem])
+        self._finish_truth()
         # Release the old model first: two compiled models at once would double the memory of a reset.
-        self._world = self._frame = self._frame_capture = self._truth = None
-        if self._renderer is not None:
-            self._renderer.unbind()
+        self._world, self._frame, self._cameras = None, None, {}
+        for renderer in self._renderers.values():
+            renderer.unbind()
         self._tracked = settings.tracked
         world = World(settings, seed, draws=self._draws)
-        fx, fy, cx, cy = settings.camera.intrinsics_px
-        self._K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         self._shake = camera_shake(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
-        self._frame_capture = make_frame_capture(settings, world.model, self._K, self._shake)
-        self._bind_renderer(world, size if self._frame_capture is None else self._frame_capture.render_size)
-        self._image_size, self._black = size, np.broadcast_to(np.uint8(0), (size[1], size[0], 3))
-        self._world = world
-        self._sensor = Sensor(settings.sensor, settings.axes, seed, grey=settings.camera.grey)
-        self._observe()
+        names = [name for name in settings.camera_names if self._all_cameras or name == settings.viewed]
+        cameras = {name: EpisodeCamera(world, settings.seen_by(name), name, seed, self._shake) for name in names}
+        self._cameras, self._viewed = cameras, settings.viewed
+        self._bind_renderers(world)
+        self._image_sizes, self._world = sizes, world
         self._arrivals: Iterator[int] = arrivals(settings, seed)
         self._delivered = next(self._arrivals)
         self._index = 0
@@ -213,30 +204,28 @@ class Simulation:
             self._advance_period(command, delay_s - (index - self._delivered) / rate_hz)
             self._collision = self._collision or world.collision()
             self._record_poses()
-            if index + 1 < delivered and self._draws and self._sensor.metering:
-                self._expose()
+            if index + 1 < delivered:
+                self._meter()
         self._delivered = delivered
         self._index += 1
         return self._take_frame()
 
-    def _observe(self) -> None:
-        """Observe the truth from now on."""
-        settings, world = self.settings, self.world
-        parts = TRUNK if settings.target.init == "torso" else ()
-        size = (settings.camera.width_px, settings.camera.height_px)
-        self._truth = TruthObserver(world.model, world.people, self._K, size, parts, settings.target_names[1:])
-        self._truth.track(self._tracked)
-
-    def _bind_renderer(self, world: World, size: tuple[int, int]) -> None:
-        """Draw another model, with a new renderer where the size has changed."""
+    def _bind_renderers(self, world: World) -> None:
+        """Draw another model or at other sizes; cameras whose images have one size share a renderer."""
+        for camera in self._cameras.values():
+            camera.truth.track(self._tracked)
         if not self._draws:
             return
-        if self._renderer is not None and (self._renderer.width_px, self._renderer.height_px) == size:
-            self._renderer.rebind(world.model)
-            return
-        if self._renderer is not None:
-            self._renderer.close()
-        self._renderer = open_renderer(world.model, *size, self._backend)
+        sizes = dict.fromkeys(camera.render_size for camera in self._cameras.values())
+        for size in self._renderers.keys() - sizes.keys():
+            self._renderers.pop(size).close()
+        for size in sizes:
+            if size in self._renderers:
+                self._renderers[size].rebind(world.model)
+            else:
+                self._renderers[size] = open_renderer(world.model, *size, self._backend)
+        for camera in self._cameras.values():
+            camera.renderer = self._renderers[camera.render_size]
 
     def _advance_period(self, command: FloatArray | None, delay_s: float) -> None:
         """Advance by one camera period with a command that is given after `delay_s`, or not within this period."""
@@ -249,53 +238,39 @@ class Simulation:
             world.advance(np.zeros(4) if self.command is None else self.command)
 
     def _record_poses(self) -> None:
-        """Record the poses of a camera frame, delivered or not; the camera's with the vibration of its mount."""
-        world, rest = self.world, self.world.camera_pose()
-        self._T_world_camera = self._shake.displace(rest, world.time_s)
-        world.displace_mount(self._T_world_camera)
-        if self._frame_capture is not None:
-            self._frame_capture.record(world.data, world.time_s, rest, world.root_poses())
-
-    def _expose(self) -> tuple[Image, CapturedFrame | FloatArray]:
-        """Render, expose and meter the camera's current frame: the image, and what `_capture` gives."""
+        """Record the poses of a camera frame, delivered or not."""
         world = self.world
-        world.light(self._sensor.settle(world.time_s))
-        captured = self._capture()
-        if isinstance(captured, CapturedFrame):
-            rendered = captured.image
-        else:
-            assert self._renderer is not None
-            rendered = self._renderer.color(world.data, captured, self._K)
-        assert rendered is not None
-        return self._sensor.expose(rendered, world.time_s), captured
+        world.displace_mount(self._shake.displace(world.camera_pose(), world.time_s))
+        for camera in self._cameras.values():
+            camera.record()
 
-    def _capture(self) -> CapturedFrame | FloatArray:
-        """What is captured; where that is an instant through a pinhole, `(4, 4)` T_world_camera."""
-        return (
-            self._T_world_camera.copy() if self._frame_capture is None else self._frame_capture.capture(self._renderer)
-        )
+    def _meter(self) -> None:
+        for camera in self._cameras.values():
+            camera.meter()
 
     def _take_frame(self) -> Frame:
-        world = self.world
-        assert self._truth is not None
-        if self._draws:
-            exposed, captured = self._expose()
-            image = self._sensor.read(exposed, self._delivered)
-        else:
-            image, captured = None, self._capture()
-        if isinstance(captured, CapturedFrame):
-            people = self._truth.observe_captured(captured, image, world.time_s)
-        else:
-            people = self._truth.observe(world.data, captured, image, world.time_s, world.root_poses())
-        image = self._black if image is None else image
-        image.setflags(write=False)
-        self._frame = Frame(self._index, world.time_s, image, people[0], people)
+        others: dict[str, Frame] = {}
+        for name, camera in self._cameras.items():
+            if name != self._viewed:
+                others[name] = camera.take(self._index, self._delivered, {})
+        self._frame = self._camera.take(self._index, self._delivered, others)
         return self._frame
+
+    @property
+    def _camera(self) -> EpisodeCamera:
+        """The camera that the episode is seen by."""
+        if not self._cameras:
+            raise self._no_episode()
+        return self._cameras[self._viewed]
+
+    def _finish_truth(self) -> None:
+        for camera in self._cameras.values():
+            camera.truth.finish()
 
     @property
     def instantaneous(self) -> bool:
         """Whether each frame of the running episode is an instant through a pinhole."""
-        return self._frame_capture is None
+        return self._camera.instantaneous
 
     def scene_geometry(self) -> SceneGeometry:
         """What every pixel of the last frame shows, and how far it is.
@@ -305,8 +280,7 @@ class Simulation:
                 instant through a pinhole.
         """
         self._check_instantaneous("depth and flow")
-        assert self._truth is not None
-        return self._truth.scene_geometry(self.world.data, self._T_world_camera.copy())
+        return self._camera.truth.scene_geometry(self.world.data, self._camera.T_world_camera.copy())
 
     def extents_m(self) -> dict[str, FloatArray]:
         """`(2, 3)` smallest and largest coordinates [m] of each person's body in its own frame, by name.
@@ -315,9 +289,8 @@ class Simulation:
             ScenarioError: As `scene_geometry`.
         """
         self._check_instantaneous("3D boxes")
-        assert self._truth is not None
         world = self.world
-        return dict(zip(world.people, self._truth.extents_m(world.data, world.root_poses()), strict=True))
+        return dict(zip(world.people, self._camera.truth.extents_m(world.data, world.root_poses()), strict=True))
 
     def _check_instantaneous(self, what: str) -> None:
         if not self.instantaneous:
@@ -329,7 +302,7 @@ class Simulation:
     @property
     def silhouettes(self) -> Mapping[str, Silhouette]:
         """Pixels of the people in the last frame, by name, of those who have some; under every effect."""
-        return self._truth.silhouettes if self._truth is not None else {}
+        return self._camera.truth.silhouettes if self._cameras else {}
 
     @property
     def periods(self) -> int:
@@ -355,8 +328,7 @@ class Simulation:
 
         Each pixel is that of its ray through the lens, at mid-exposure of its row.
         """
-        assert self._truth is not None
-        return self._truth.depth_m()
+        return self._camera.truth.depth_m()
 
     def collision(self) -> str | None:
         """Name of the first person or thing that the robot touched since the previous delivered frame, or None."""
@@ -370,21 +342,21 @@ class Simulation:
     @property
     def graphics(self) -> str:
         """Description of the renderer in one line; empty before the first reset and without images."""
-        return self._renderer.description if self._renderer is not None else ""
+        return next((one.description for one in self._renderers.values()), "")
 
     def close(self) -> None:
         """Free the renderer. Closing twice is fine."""
-        if self._truth is not None:
-            self._truth.finish()
-        if self._renderer is not None:
-            self._renderer.close()
-        self._renderer = self._world = self._frame = None
+        self._finish_truth()
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers, self._cameras = {}, {}
+        self._world = self._frame = None
 
-    def __getstate__(self) -> tuple[Scenario, str | None, bool]:
+    def __getstate__(self) -> tuple[Scenario, str | None, bool, bool]:
         """A pickled copy has no episode: models and graphics contexts belong to one process."""
-        return self.scenario, self._backend, self._draws
+        return self.scenario, self._backend, self._draws, self._all_cameras
 
-    def __setstate__(self, state: tuple[Scenario, str | None, bool]) -> None:
+    def __setstate__(self, state: tuple[Scenario, str | None, bool, bool]) -> None:
         self._clear(*state)
 
     def _no_episode(self) -> ScenarioError:

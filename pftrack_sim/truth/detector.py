@@ -47,7 +47,8 @@ class DetectionModel:
 
     def __init__(self, settings: ResolvedScenario, seed: int) -> None:
         self._axis, self._seed = settings.axes.detector, seed
-        self._size = settings.camera.width_px, settings.camera.height_px
+        camera = settings.viewing.camera
+        self._size = camera.width_px, camera.height_px
         self._rate_hz = settings.camera.rate_hz
         self._errors: dict[str, _CorrelatedNoise] = {}
         self._alarms = _FalseAlarms(self._size, self._axis.severity * self._axis.false_alarms, self._per_frame, seed)

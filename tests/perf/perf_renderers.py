@@ -27,8 +27,8 @@ def frame_ms(backend: str, size: tuple[int, int], shadows: bool) -> float:
         if not shadows:
             simulation.world.model.light_castshadow[:] = False
         # What a renderer has copied of the model is read anew.
-        assert simulation._renderer is not None
-        simulation._renderer.rebind(simulation.world.model)
+        assert simulation._camera.renderer is not None
+        simulation._camera.renderer.rebind(simulation.world.model)
         simulation._take_frame()
         times = []
         for _ in range(FRAMES):

@@ -49,7 +49,7 @@ def _views(simulation: Simulation, count: int, every: int = 8):
 
 def test_colours_are_close_to_opengl(pair):
     simulation, caster = pair
-    gl, K = simulation._renderer, simulation._K
+    gl, K = simulation._camera.renderer, simulation._camera.K
     for data, pose in _views(simulation, 2):
         ours, theirs = (one.color(data, pose, K).astype(float) for one in (caster, gl))
         assert np.abs(ours - theirs).mean() < 2.5
@@ -58,11 +58,11 @@ def test_colours_are_close_to_opengl(pair):
 
 def test_bright_lights_saturate_as_in_opengl(pair):
     simulation, caster = pair
-    world, K = simulation.world, simulation._K
+    world, K = simulation.world, simulation._camera.K
     kept = world.model.light_diffuse.copy()
     world.model.light_diffuse[:] *= 2.5
     ours, theirs = (
-        one.color(world.data, world.camera_pose(), K).astype(float) for one in (caster, simulation._renderer)
+        one.color(world.data, world.camera_pose(), K).astype(float) for one in (caster, simulation._camera.renderer)
     )
     world.model.light_diffuse[:] = kept
     assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 2.5
@@ -96,7 +96,7 @@ def test_each_mip_level_halves_the_size_and_keeps_the_mean():
 
 def test_dimmed_lights_darken_the_image(pair):
     simulation, caster = pair
-    world, K = simulation.world, simulation._K
+    world, K = simulation.world, simulation._camera.K
     before = caster.color(world.data, world.camera_pose(), K).mean()
     kept = world.model.light_diffuse.copy(), np.array(world.model.vis.headlight.ambient)
     world.model.light_diffuse[:] *= 0.5
@@ -117,12 +117,12 @@ def test_a_schedule_of_lights_dims_both_renderers_equally():
     ]
     with Simulation(load("street-night", {**SIZE, "lights.schedule": schedule}), backend="gl") as simulation:
         simulation.reset(2)
-        world, K, pairs = simulation.world, simulation._K, []
+        world, K, pairs = simulation.world, simulation._camera.K, []
         with Raycaster(world.model, 160, 120) as caster:
             while world.time_s < 0.7:
                 simulation.advance()
                 pose = world.camera_pose()
-                pairs.append([one.color(world.data, pose, K).mean() for one in (caster, simulation._renderer)])
+                pairs.append([one.color(world.data, pose, K).mean() for one in (caster, simulation._camera.renderer)])
     ours, theirs = np.array(pairs).T
     assert theirs[-1] < 0.6 * theirs[0]
     np.testing.assert_allclose(ours / ours[0], theirs / theirs[0], atol=0.02)
@@ -130,7 +130,7 @@ def test_a_schedule_of_lights_dims_both_renderers_equally():
 
 def test_invalid_poses_and_names_raise(pair):
     simulation, caster = pair
-    data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._K
+    data, pose, K = simulation.world.data, simulation.world.camera_pose(), simulation._camera.K
     with pytest.raises(ParameterError, match="T_world_camera"):
         caster.color(data, pose * np.nan, K)
     with pytest.raises(UnknownNameError, match="warp"):

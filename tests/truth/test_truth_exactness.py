@@ -156,6 +156,12 @@ def test_so_it_is_in_a_room_from_a_file(tmp_path: Path, kind: str):
     assert_truth_is_that_of_an_independent_segmentation(loaded, 2.2 if kind == "map" else 2.4)
 
 
+def test_so_it_is_through_a_further_camera():
+    size = {"camera.width_px": WIDTH, "camera.height_px": HEIGHT, "lights.shadows": False}
+    beside = {"cameras": [{"name": "left", "left_m": 0.3, "tilt_deg": 2.0}], "viewed": "left"}
+    assert_truth_is_that_of_an_independent_segmentation(scenario.load("warehouse", size | INSTANT | beside), 9.8)
+
+
 def test_so_it_is_of_each_of_several_targets():
     several = [
         {"name": "lea", "path_m": [[5.0, -2.4], [9.0, -1.4], [13.0, 1.6]], "clothes": {"top": "#a03020"}},

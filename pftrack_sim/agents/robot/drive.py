@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim.core.proprioception import BEAM_HEIGHT_M
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
-from pftrack_sim.scenario.model import Camera
+from pftrack_sim.scenario.camera import Camera
 from pftrack_sim.scene.layout import GROUND, HIDDEN_GROUP, body_owners
 from pftrack_sim.scene.robot import BASE, CAMERA, CASTER_SHARE, GRAVITY_M_S2, REST_YAW_RAD
 

@@ -15,7 +15,7 @@ from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
 from pftrack_sim.scenario.axes import TargetAxis
-from pftrack_sim.scenario.model import Camera
+from pftrack_sim.scenario.camera import Camera
 from pftrack_sim.scenario.people import GAZE_M
 from pftrack_sim.scene.layout import WalkableArea
 

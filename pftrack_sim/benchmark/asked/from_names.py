@@ -61,7 +61,9 @@ def make_plan(
     latency_ms: Mapping[str, float] | None = None,
     variant: str = "",
 ) -> Plan:
-    """Make the plan of all combinations, and of each further target that a scenario has, unless `tracked` is set.
+    """Make the plan of all combinations, and of each further target and camera that a scenario has.
+
+    Overrides of `tracked` or `viewed` choose one target or camera.
 
     Args:
         names: Scenarios.
@@ -91,7 +93,7 @@ def make_plan(
     with parameter_errors("plan"):
         sweeps = tuple(
             Sweep(scenarios=tuple(tracked), conditions=tuple(_conditions(axes or {}, name)), seeds=chosen)
-            for name, tracked in _by_target(loaded, variant, one_each="tracked" not in (overrides or {}))
+            for name, tracked in _each(loaded, variant, overrides or {})
         )
     plan = make_checked_plan(sweeps, _with_controllers(specs, controllers, latency_ms or {}))
     for episode in plan.first_episodes:
@@ -104,16 +106,19 @@ def make_plan(
     return plan
 
 
-def _by_target(loaded: Sequence[Scenario], variant: str, *, one_each: bool) -> Iterator[tuple[str, list[ScenarioSpec]]]:
-    """The scenarios under the name of the variant, and for each further target those that have it under its name."""
+def _each(
+    loaded: Sequence[Scenario], variant: str, overrides: Mapping[str, Any]
+) -> Iterator[tuple[str, list[ScenarioSpec]]]:
+    """The scenarios under the name of the variant, and for each further target or camera those that have it."""
     found: dict[str, list[ScenarioSpec]] = {variant: []}
     for one in loaded:
         found[variant].append(ScenarioSpec(name=one.name, tree=one.with_defaults().tree))
-        for name in one.resolve(0).target_names if one_each else ():
-            if name != one.resolve(0).tracked:
-                named = f"{variant} {name}".strip()
-                tree = scenarios.load(one, {"tracked": name}).with_defaults().tree
-                found.setdefault(named, []).append(ScenarioSpec(name=one.name, tree=tree))
+        settings = one.resolve(0)
+        for key, names in (("tracked", settings.target_names), ("viewed", settings.camera_names)):
+            for name in names if key not in overrides else ():
+                if name != getattr(settings, key):
+                    tree = scenarios.load(one, {key: name}).with_defaults().tree
+                    found.setdefault(f"{variant} {name}".strip(), []).append(ScenarioSpec(name=one.name, tree=tree))
     yield from found.items()
 
 

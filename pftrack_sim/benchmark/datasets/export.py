@@ -117,7 +117,7 @@ def _check_effects(plan: Plan, needs: Sequence[str]) -> None:
     """Refuse what has no definition in a scenario, before anything is written: it is known from the settings."""
     exact = [one for one in needs if one != "masks"]
     for episode in plan.first_episodes if exact else ():
-        if not is_instantaneous(episode.scenario.resolve(episode.seed)):
+        if not is_instantaneous(episode.scenario.resolve(episode.seed).viewing):
             what = "3D boxes" if exact == ["solids"] else " and ".join(one for one in exact if one != "solids")
             words = f"no {what} under blur, rolling_shutter or distortion: set their severities to 0, or leave it out"
             raise ScenarioError(episode.scenario.name, [words])
@@ -133,7 +133,7 @@ def _image_format(name: str) -> ImageFormat:
 def _check_sizes(plan: Plan) -> None:
     """Refuse images of which H.264 with its usual pixel format would lose a row or column."""
     for episode in plan.first_episodes:
-        camera = episode.scenario.resolve(episode.seed).camera
+        camera = episode.scenario.resolve(episode.seed).viewing.camera
         if camera.width_px % 2 or camera.height_px % 2:
             size = f"{camera.width_px} x {camera.height_px}"
             raise ScenarioError(episode.scenario.name, [f"mp4 needs images of even width and height, got {size} px"])

@@ -216,7 +216,7 @@ class _SequenceWriter:
             write(self.folder / TRUTH, query)
 
     def _annotations(self) -> Annotations:
-        settings = self.job.episode.scenario.resolve(self.job.episode.seed)
+        settings = self.job.episode.scenario.resolve(self.job.episode.seed).viewing
         truths = [frame.truth for frame in self.frames]
         K = truths[0].K
         return Annotations(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.robot.drive import Drive
-from pftrack_sim.scenario.model import Camera
+from pftrack_sim.scenario.camera import Camera
 from pftrack_sim.scenario.robot import Robot, StillRoute
 from pftrack_sim.scene.robot import RobotForm, add_robot
 from pftrack_sim.scene.scene_spec import SceneSpec
