@@ -12,7 +12,7 @@ WITHOUT_GL := PYTHONPATH=tests/without_opengl
 # Modules are compiled when they are first imported: most of the libraries never are.
 PIP := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
 
-.PHONY: setup demo bare test test-slow fuzz lint perf docs wheel pictures clean
+.PHONY: setup demo bare test test-slow fuzz lint perf docs wheel pictures results clean
 
 # The package, and a check that frames can be drawn.
 setup: $(VENV)/.package
@@ -103,6 +103,11 @@ docs: $(VENV)/.docs
 # The pictures of README, gallery, environments and tutorials; PARTS="axes tutorials" draws some.
 pictures: $(VENV)/.test
 	$(BIN)/python docs/site/pictures.py $(PARTS)
+
+# The tables of the pages, by the commands above them, as far as those that made them are not those of now; hours, so
+# PARTS="ko2012 courses" makes some, PARTS=--list says which, and MORE="--scheduler ADDRESS" runs them on Dask.
+results: $(VENV)/.test
+	$(BIN)/python docs/site/results.py $(PARTS)
 
 # The wheel as a stranger gets it: built, installed in a clean environment, every scenario stepped once from elsewhere.
 wheel: $(VENV)/.build

@@ -7,6 +7,7 @@ from typing import Any
 
 import gymnasium as gym
 import PIL.Image
+import results
 import typer
 from mkdocs.structure.files import File, Files
 
@@ -21,7 +22,9 @@ WIDTH = 88
 IMAGES = re.compile(r'<img [^>]*?src="([^"]+)"[^>]*>')
 CODE = re.compile(r"<code.*?</code>", re.DOTALL)
 OPTIONS = re.compile(r"(?<=[\s>\[(,])--[a-z][\w-]*")
-TABLES = re.compile(r"^<!-- (?P<kind>tables|list) of .*? -->\n(?P<body>.*?)<!-- end -->", re.MULTILINE | re.DOTALL)
+TABLES = re.compile(
+    r"^<!-- (?P<kind>tables|list) of (?P<name>.*?) -->\n(?P<body>.*?)<!-- end -->", re.MULTILINE | re.DOTALL
+)
 SPACES = re.compile(r"^<!-- spaces of (\S+) -->$", re.MULTILINE)
 
 
@@ -45,7 +48,10 @@ def folded(found: re.Match[str]) -> str:
     """The tables of a run behind a line that says what they show."""
     heads = re.findall(r"^\| (.*?) \|.*\n\| ---", found["body"], re.MULTILINE)
     told = "; ".join(heads) if found["kind"] == "tables" else "What the columns mean"
-    return f'<details markdown="1"><summary>{told}</summary>\n\n{found["body"]}\n</details>'
+    part = next((one for one in results.parts() if one.name == found["name"]), None)
+    made_by = results.stale(part) if part is not None and found["kind"] == "tables" else []
+    aged = f"Older than this version: made by {', '.join(made_by)}.\n\n" if made_by else ""
+    return f'{aged}<details markdown="1"><summary>{told}</summary>\n\n{found["body"]}\n</details>'
 
 
 def on_page_content(html: str, page: Any, **_: Any) -> str:

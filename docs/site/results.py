@@ -1,0 +1,137 @@
+"""Makes the tables of the pages by the commands above them: `make results`; PARTS="ko2012 courses" makes some.
+
+A part is a block of tables with its command, of `bench` or `follow`, on the same page. A finished one is kept in
+`docs/site/results/NAME.parquet`, to be committed: scores and digests of every episode, the command, the code that made
+it, and how long its last command took. It is made again where the command or the code is another now; frames and
+videos stay in `runs/NAME`, from which an interrupted part goes on.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import duckdb
+from plots import draw
+
+from pftrack_sim.benchmark import RunStore
+from pftrack_sim.benchmark.asked.from_names import code_of
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
+from pftrack_sim.benchmark.kept.files import atomic_write, sql_text
+from pftrack_sim.benchmark.kept.folder import is_run
+from pftrack_sim.benchmark.keys import SCORING, SIMULATOR, environment
+from pftrack_sim.core.errors import PftrackError
+from pftrack_sim.report.markdown import update_document
+
+ROOT = Path(__file__).parents[2]
+PAGES = (ROOT / "docs/results.md", ROOT / "docs/axes.md")
+KEPT = ROOT / "docs/site/results"
+
+_BLOCK = re.compile(r"^<!-- tables of (\S+) -->$", re.MULTILINE)
+_COMMANDS = re.compile(r"(?:^    .*\n)+", re.MULTILINE)
+_ASSIGNMENT = re.compile(r"[A-Z]+=")
+_RUNS = ("pftrack-sim bench ", "pftrack-sim follow ")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A block of tables, and the shell's lines that make its run folder `runs/NAME`."""
+
+    name: str
+    page: Path
+    script: str
+
+
+def parts(pages: Sequence[Path] = PAGES) -> Iterator[Part]:
+    """Every block of tables that a command on its page makes."""
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        for name in _BLOCK.findall(text):
+            for commands in _COMMANDS.findall(text):
+                lines = [line.strip() for line in commands.replace("\\\n", " ").splitlines()]
+                asked = [line for line in lines if line.startswith(_RUNS) and line.split()[-1] == f"runs/{name}"]
+                if asked:
+                    yield Part(name, page, "\n".join([*filter(_ASSIGNMENT.match, lines), *map(_spaced, asked)]))
+
+
+def _spaced(line: str) -> str:
+    return " ".join(line.split())
+
+
+def stale(part: Part, kept: Path = KEPT) -> list[str]:
+    """What made a part that is another now, in words; empty where it is up to date."""
+    known = about(part.name, kept)
+    if known is None:
+        return ["code that was not recorded"]
+    now = environment()
+    found = ["another command"] if known["script"] != part.script else []
+    found += [f"other {name}" for name in (SIMULATOR, SCORING) if known["environment"].get(name) != now[name]]
+    specs = [TrackerSpec.model_validate(one) for one in known["trackers"]]
+    return found + [f"other code of {one.label}" for one in specs if code_of(one) != one.code]
+
+
+def about(name: str, kept: Path = KEPT) -> dict[str, Any] | None:
+    """What is recorded of a finished part; None where there is none."""
+    file = kept / f"{name}.parquet"
+    if not file.is_file():
+        return None
+    with duckdb.connect() as database:
+        query = f"SELECT value FROM parquet_kv_metadata({sql_text(file)}) WHERE key = 'part'::BLOB"
+        return json.loads(database.execute(query).fetchall()[0][0])
+
+
+def make(part: Part, root: Path = ROOT, kept: Path = KEPT, more: str = "") -> bool:
+    """Run a part and write its tables into its page; False where it is not finished, as with `--part` in `more`."""
+    folder, began = root / "runs" / part.name, time.monotonic()
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    refresh = " --refresh" if is_run(folder) else ""
+    done = subprocess.run(["sh", "-c", f"{part.script} {more}{refresh}"], cwd=root, env={**os.environ, "PATH": path})
+    if done.returncode > 1:  # 1: a tracker ended with an error, which is a result
+        sys.exit(f"{part.name}: ended with {done.returncode}; make results goes on from there")
+    store = RunStore(folder)
+    if not store.finished:
+        return False
+    told = {
+        "script": part.script,
+        "environment": store.plan.environment,
+        "trackers": [one.model_dump(mode="json") for one in store.plan.trackers],
+        "hours": (time.monotonic() - began) / 3600,
+        "commit": store.record.sessions[-1].commit,
+        "finished": store.record.finished,
+    }
+    with atomic_write(kept / f"{part.name}.parquet") as file, store.database() as database:
+        rows = "SELECT * EXCLUDE (printed, file) FROM summary ORDER BY number, place"
+        options = f"FORMAT parquet, COMPRESSION zstd, KV_METADATA {{part: {sql_text(json.dumps(told))}}}"
+        database.execute(f"COPY ({rows}) TO {sql_text(file)} ({options})")
+    update_document(part.page, root / "runs")
+    draw(part.page, part.page.parent / "pictures/results")
+    return True
+
+
+def main(names: Sequence[str]) -> None:
+    """Make what is stale of these parts, or of all; `--list` says what that is and how many hours it took."""
+    known = {one.name: one for one in parts()}
+    wanted = [one for one in names if one != "--list"]
+    if unknown := [one for one in wanted if one not in known]:
+        sys.exit(f"no such part: {', '.join(unknown)} (there are {', '.join(known)})")
+    for name in wanted or known:
+        reasons, told = stale(known[name]), about(name)
+        hours = f"{told['hours']:.1f} h" if told else "hours unknown"
+        print(f"{name}: {'up to date' if not reasons else 'made by ' + ', '.join(reasons)}; {hours}", flush=True)
+        if reasons and "--list" not in names and not make(known[name], more=os.environ.get("MORE", "")):
+            print(f"{name}: not finished", flush=True)
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1:])
+    except PftrackError as error:
+        sys.exit(f"results: {error}")

@@ -1,0 +1,86 @@
+"""`make results` makes the tables of a page by the commands above them, once, and marks those that are stale."""
+
+from pathlib import Path
+
+import duckdb
+import pytest
+import results
+from results import Part, about, make, parts, stale
+
+SMALL = "--set camera.width_px=64 --set camera.height_px=48 --set lights.shadows=false --set duration_s=0.3 --workers 0"
+PAGE = f"""# Page
+
+    C="corridor"
+    pftrack-sim bench $C --trackers stay --seeds 0:2 {SMALL} \\
+      --videos none --out runs/tiny
+    pftrack-sim query runs/tiny "FROM summary"
+
+<!-- tables of tiny -->
+<!-- end -->
+<!-- tables of other -->
+<!-- end -->
+"""
+
+
+@pytest.fixture
+def part(tmp_path: Path) -> Part:
+    page = tmp_path / "docs" / "page.md"
+    page.parent.mkdir()
+    page.write_text(PAGE)
+    (found,) = parts([page])
+    return found
+
+
+def test_every_table_of_a_run_on_the_pages_has_its_command():
+    names = [one.name for one in parts()]
+    assert {"ko2012", "lee2012", "kwon2005", "courses", "stress"} <= set(names)
+    assert len(set(names)) == len(names)
+    blocks = {name for page in results.PAGES for name in results._BLOCK.findall(page.read_text())}
+    assert set(names) == blocks
+
+
+def test_a_part_is_made_once_and_again_where_command_or_code_is_another(
+    part: Part, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    assert part.script.splitlines()[0] == 'C="corridor"'
+    assert part.script.endswith("--videos none --out runs/tiny")
+    kept = tmp_path / "kept"
+    assert stale(part, kept) == ["code that was not recorded"]
+    assert not make(part, tmp_path, kept, more="--part 1/2"), "a part of it is not finished"
+    assert about("tiny", kept) is None
+    assert make(part, tmp_path, kept)
+    assert "\n| `stay` | 0." in part.page.read_text()
+    assert stale(part, kept) == []
+    with duckdb.connect() as database:
+        rows = database.execute(f"SELECT seed, mean_overlap, frames_digest FROM '{kept / 'tiny.parquet'}'").fetchall()
+    assert [row[0] for row in rows] == [0, 1]
+    assert len({row[2] for row in rows}) == 2
+    assert (kept / "tiny.parquet").stat().st_size < 20_000
+    told = about("tiny", kept)
+    assert told is not None
+    assert told["hours"] > 0.0
+    assert stale(Part(part.name, part.page, part.script + " "), kept) == ["another command"]
+    monkeypatch.setattr(results, "environment", lambda: {**told["environment"], "code of the scores": "0"})
+    assert stale(part, kept) == ["other code of the scores"]
+    monkeypatch.undo()
+    monkeypatch.setattr(results, "code_of", lambda spec: {"stay": "0"})
+    assert stale(part, kept) == ["other code of stay"]
+
+
+def test_the_site_marks_tables_that_are_older_than_the_code(monkeypatch: pytest.MonkeyPatch):
+    import hooks
+
+    block = "<!-- tables of ko2012 -->\n\n| Mean overlap | mean |\n| --- | --- |\n| `a` | 1 |\n\n<!-- end -->"
+    monkeypatch.setattr(results, "stale", lambda part: ["other code of the scores"])
+    marked = hooks.TABLES.sub(hooks.folded, block)
+    assert marked.startswith("Older than this version: made by other code of the scores.\n\n<details")
+    monkeypatch.setattr(results, "stale", lambda part: [])
+    assert hooks.TABLES.sub(hooks.folded, block).startswith("<details")
+
+
+def test_a_wrong_part_says_which_there_are(capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit, match=r"no such part: ko \(there are ko2012, "):
+        results.main(["ko"])
+    results.main(["--list", "ko2012"])
+    said = capsys.readouterr().out
+    assert said.startswith("ko2012: ")
