@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-Scene = tuple[list[np.ndarray], np.ndarray]
+from tests.trackers.following import Scene
 
 
 def draw_scene(count: int = 12, width: int = 120, height: int = 90, step_px: float = 2.0) -> Scene:

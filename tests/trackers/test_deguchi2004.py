@@ -1,22 +1,16 @@
 """Deguchi, Kawanaka & Okatani 2004: mean shift with a particle filter beside it."""
 
 from collections.abc import Callable
-from typing import Any
+from functools import partial
 
 import cv2
 import numpy as np
 import pytest
 
-from pftrack_sim import trackers
 from pftrack_sim.core import boxes
+from tests.trackers.following import Scene, follow
 
-Scene = tuple[list[np.ndarray], np.ndarray]
-
-
-def run(images: list[np.ndarray], box: np.ndarray, **given: Any) -> list[Any]:
-    tracker = trackers.make("deguchi2004", **given)
-    tracker.init(images[0], box)
-    return [tracker.update(image) for image in images[1:]]
+run = partial(follow, "deguchi2004")
 
 
 def covered(images: list[np.ndarray], first: int, last: int) -> list[np.ndarray]:

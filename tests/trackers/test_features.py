@@ -13,15 +13,23 @@ from pftrack_sim.trackers.features.histogram import (
     Feature,
     HistogramModel,
     cell_layout,
+    distance_layout,
     epanechnikov_layout,
     histogram,
+    histograms,
     similarities,
     uniform_layout,
 )
 from pftrack_sim.trackers.features.pixel_codes import cs_lbp_codes, hsv_codes, rgb_codes
 from pftrack_sim.trackers.papers.ko2012 import log_mixture
 
-LAYOUTS = [uniform_layout(3, 16), epanechnikov_layout(3, 128), uniform_layout(1, 256), cell_layout()]
+LAYOUTS = [
+    uniform_layout(3, 16),
+    epanechnikov_layout(3, 128),
+    uniform_layout(1, 256),
+    cell_layout(),
+    distance_layout(24, 16, 1, 256),
+]
 RNG = np.random.default_rng(0)
 
 
@@ -33,13 +41,17 @@ def random_codes(layout: BinLayout, height: int = 70, width: int = 60, seed: int
 @pytest.mark.parametrize("layout", LAYOUTS)
 @settings(max_examples=15)
 @given(x=st.floats(-30, 60), y=st.floats(-30, 60), w=st.floats(0.5, 90), h=st.floats(0.5, 90))
-def test_a_histogram_is_that_of_twice_the_box_in_twice_the_image(
+def test_a_histogram_is_that_of_twice_the_box_in_twice_the_image_and_among_others(
     layout: BinLayout, x: float, y: float, w: float, h: float
 ):
     codes, box = random_codes(layout), np.array([x, y, w, h])
     found = histogram(codes, box, layout)
     assert found.sum() == pytest.approx(1) or not found.any()
     assert np.array_equal(histogram(codes.repeat(2, axis=0).repeat(2, axis=1), 2 * box, layout), found)
+    many = histograms(codes, np.array([box, [1.0, 2, 40, 40]]), layout)
+    assert np.allclose(many[0], found * many[0].sum(), rtol=0, atol=1e-12)
+    assert -1e-12 <= many[0].sum() <= 1 + 1e-12
+    assert many[1].sum() == pytest.approx(1, abs=1e-12)
 
 
 def test_epanechnikov_histogram_of_whole_pixels_against_numpy():

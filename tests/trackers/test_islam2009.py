@@ -1,6 +1,6 @@
 """Islam, Oh & Lee 2009: shape by distance transforms."""
 
-from typing import Any
+from functools import partial
 
 import cv2
 import numpy as np
@@ -8,14 +8,9 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.trackers.relatives.islam2009 import edge_distances
+from tests.trackers.following import Scene, follow
 
-Scene = tuple[list[np.ndarray], np.ndarray]
-
-
-def run(images: list[np.ndarray], box: np.ndarray, **given: Any) -> list[Any]:
-    tracker = trackers.make("islam2009", **given)
-    tracker.init(images[0], box)
-    return [tracker.update(image) for image in images[1:]]
+run = partial(follow, "islam2009")
 
 
 def test_the_first_box_has_similarity_one_and_shape_ignores_colour(scene: Scene):

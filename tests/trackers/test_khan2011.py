@@ -8,7 +8,6 @@ import pytest
 from pftrack_sim.trackers.features.mean_shift import Partition, area_histograms, mean_shift
 from pftrack_sim.trackers.relatives.khan2011 import upright
 
-Scene = tuple[list[np.ndarray], np.ndarray]
 PARTITION = Partition(2, 2)
 TRUE = np.array([100.0, 80.0, 40.0, 70.0, 0.0])
 

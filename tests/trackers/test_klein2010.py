@@ -4,8 +4,7 @@ import numpy as np
 
 from pftrack_sim import trackers
 from pftrack_sim.trackers.relatives.klein2010 import Klein2010, grid_of_regions, opponent_integral
-
-Scene = tuple[list[np.ndarray], np.ndarray]
+from tests.trackers.following import Scene
 
 
 def made(**given: float) -> Klein2010:

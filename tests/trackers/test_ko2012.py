@@ -1,7 +1,7 @@
 """The methods of Ko et al. 2012."""
 
 from collections.abc import Callable
-from typing import Any
+from functools import partial
 
 import cv2
 import numpy as np
@@ -10,14 +10,9 @@ import pytest
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.trackers.papers.ko2012 import Ko2012Parameters
+from tests.trackers.following import Scene, follow, followed_boxes
 
-Scene = tuple[list[np.ndarray], np.ndarray]
-
-
-def run(images: list[np.ndarray], box: np.ndarray, **given: Any) -> np.ndarray:
-    tracker = trackers.make("ko2012", **given)
-    tracker.init(images[0], box)
-    return np.array([tracker.update(image).box for image in images[1:]])
+run = partial(followed_boxes, "ko2012")
 
 
 def test_paper_preset_holds_the_printed_values():
@@ -62,10 +57,7 @@ def test_a_target_is_found_after_a_cover_whether_or_not_the_turning_camera_follo
 def test_a_jump_is_rejected(make_scene: Callable[..., Scene]):
     """Eq. 13: the previous state is kept and reported as occluded."""
     images, truth = make_scene(count=3)
-    tracker = trackers.make("ko2012", hold_distance=1e-6)
-    tracker.init(images[0], truth[0])
-    for image in images[1:]:
-        estimate = tracker.update(image)
+    for estimate in follow("ko2012", images, truth[0], hold_distance=1e-6):
         assert estimate.occluded
         assert np.allclose(estimate.box, truth[0], rtol=0, atol=1e-12)
 
@@ -76,9 +68,7 @@ def test_a_covered_target_is_waited_for_where_it_was(make_scene: Callable[..., S
     images, truth = make_scene(count=20, step_px=0.5)
     grey = np.random.default_rng(0).integers(90, 130, (*images[0].shape[:2], 1), dtype=np.uint8)
     shown = [*images[:10], *[np.repeat(grey, 3, axis=2)] * frames, *images[10:]]
-    tracker = trackers.make("ko2012")
-    tracker.init(shown[0], truth[0])
-    found = [tracker.update(image) for image in shown[1:]]
+    found = follow("ko2012", shown, truth[0])
     covered = found[9 : 9 + frames]
     assert all(one.occluded for one in covered)
     assert all(np.array_equal(one.box, found[8].box) for one in covered)
@@ -89,10 +79,7 @@ def test_a_covered_target_is_waited_for_where_it_was(make_scene: Callable[..., S
 @pytest.mark.parametrize("redraw", ["weights", "estimate"])
 def test_the_top_one_mean_is_a_particle(scene: Scene, redraw: str):
     images, truth = scene
-    tracker = trackers.make("ko2012", top_count=1, particles=True, redraw=redraw)
-    tracker.init(images[0], truth[0])
-    for image in images[1:]:
-        estimate = tracker.update(image)
+    for estimate in follow("ko2012", images, truth[0], top_count=1, particles=True, redraw=redraw):
         assert estimate.particles is not None
         assert np.abs(estimate.particles - estimate.box).max(axis=1).min() < 1e-9
 
@@ -105,9 +92,7 @@ def test_a_method_of_one_histogram_is_the_proposed_one_without_the_other(
     images, truth = scene
     found = []
     for name, given in ((alone, {}), ("ko2012", {"alpha": alpha})):
-        tracker = trackers.make(name, seed=2, likelihood=likelihood, **given)
-        tracker.init(images[0], truth[0])
-        found.append([tracker.update(image) for image in images[1:]])
+        found.append(follow(name, images, truth[0], seed=2, likelihood=likelihood, **given))
     for one, other in zip(*found, strict=True):
         assert np.allclose(one.box, other.box, rtol=0, atol=1e-6)
         assert one.confidence == pytest.approx(other.confidence, abs=1e-9)

@@ -11,8 +11,8 @@ from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.trackers.papers.kwon2005 import Kwon2005, Kwon2005Parameters
+from tests.trackers.following import Scene, follow, followed_boxes
 
-Scene = tuple[list[np.ndarray], np.ndarray]
 MOTIONS = ["similarity", "affine"]
 WIDTH, HEIGHT = 160, 120
 COVERED = range(12, 22)
@@ -25,9 +25,7 @@ def make(name: str = "kwon2005", **given: Any) -> Kwon2005:
 
 
 def run(images: list[np.ndarray], box: np.ndarray, **given: Any) -> np.ndarray:
-    tracker = make(**given)
-    tracker.init(images[0], box)
-    return np.array([tracker.update(image).box for image in images[1:]])
+    return followed_boxes(make(**given), images, box)
 
 
 def random_texture(width: int, height: int, seed: int, low: int = 20, high: int = 235, cell: int = 6) -> np.ndarray:
@@ -169,12 +167,9 @@ def test_a_covered_target_is_carried_along_by_the_camera():
     for image, box in zip(images[2:], truth[2:], strict=True):
         left, top, width, height = box.astype(int)
         image[top - 4 : top + height + 4, left - 4 : left + width + 4] = 128
-    tracker = make()
-    tracker.init(images[0], truth[0])
-    for image in images[1:]:
-        estimate = tracker.update(image)
-    assert estimate.occluded
-    assert np.abs(estimate.box - truth[-1]).max() < 6
+    last = follow("kwon2005", images, truth[0])[-1]
+    assert last.occluded
+    assert np.abs(last.box - truth[-1]).max() < 6
 
 
 def test_no_occlusion_variant_never_reports_occlusion(covered: Scene):
@@ -202,10 +197,8 @@ def test_a_target_that_grows_and_turns_is_followed(motion: str):
     ]
     images = warped_scene([turn + np.array([[0, 0, 80], [0, 0, 60]]) for turn in turns])
     tracker = make(preset="paper", motion=motion, outliers="all")
-    tracker.init(images[0], FIRST_BOX)
-    for image in images[1:]:
-        estimate = tracker.update(image)
-    assert np.allclose(estimate.box[2:], 1.4 * FIRST_BOX[2:], rtol=0.05, atol=0)
+    last = follow(tracker, images, FIRST_BOX)[-1]
+    assert np.allclose(last.box[2:], 1.4 * FIRST_BOX[2:], rtol=0.05, atol=0)
     state = tracker._state
     angle = state[3] if motion == "similarity" else np.arctan2(state[4], state[2])
     assert angle == pytest.approx(0.4, abs=0.05)

@@ -7,25 +7,21 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
-from pftrack_sim.trackers.features.histogram import distance_layout, histogram, histograms
+from pftrack_sim.trackers.features.histogram import distance_layout, histogram
 from pftrack_sim.trackers.features.online_feature import Normalisation, OnlineFeatureModel, OnlineFeatureParameters
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.filters import ConstantVelocity
 from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012Parameters
+from tests.trackers.following import Scene, followed_boxes
 
-Scene = tuple[list[np.ndarray], np.ndarray]
 NAMES = sorted(METHODS)
 
 
 def run(images: list[np.ndarray], box: np.ndarray, name: str = "lee2012", **given: Any) -> np.ndarray:
-    tracker = trackers.make(name, **given)
-    tracker.init(images[0], box)
-    return np.array([tracker.update(image).box for image in images[1:]])
+    return followed_boxes(name, images, box, **given)
 
 
 def test_paper_preset_holds_the_printed_values():
@@ -158,16 +154,3 @@ def test_colour_histogram_against_opencv():
             one = cv2.calcHist([hsv[i : i + 1, j : j + 1]], [0, 1, 2], None, [8, 8, 4], [0, 256] * 3)
             expected += one * layout.weights[i, j]
     assert np.allclose(found, expected.ravel() / expected.sum(), rtol=0, atol=1e-7)
-
-
-@settings(max_examples=30)
-@given(st.floats(-30, 60), st.floats(-30, 60), st.floats(1, 80), st.floats(1, 80))
-def test_histograms_of_many_boxes_equal_those_of_each(x: float, y: float, w: float, h: float):
-    codes = np.random.default_rng(1).integers(0, 256, (50, 60, 1), dtype=np.uint8)
-    layout, box = distance_layout(24, 16, 1, 256), np.array([x, y, w, h])
-    both = histograms(codes, np.array([box, [1.0, 2, 40, 40]]), layout)
-    alone = histogram(codes, box, layout)
-    share = both[0].sum()
-    assert -1e-12 <= share <= 1 + 1e-12
-    assert np.allclose(both[0], alone * share, rtol=0, atol=1e-12)
-    assert both[1].sum() == pytest.approx(1, abs=1e-12)

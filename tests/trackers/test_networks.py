@@ -11,8 +11,8 @@ import pytest
 from pftrack_sim import trackers
 from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.trackers.opencv import NETWORKS
+from tests.trackers.following import Scene
 
-Scene = tuple[list[np.ndarray], np.ndarray]
 NAMES = sorted(NETWORKS)
 
 

@@ -11,8 +11,7 @@ import pytest
 from pftrack_sim import trackers
 from pftrack_sim.core.errors import TrackerError
 from pftrack_sim.trackers.opencv import CLASSES
-
-Scene = tuple[list[np.ndarray], np.ndarray]
+from tests.trackers.following import Scene
 
 
 def run(images: list[np.ndarray], box: np.ndarray, seed: int, *, disturb: bool = False) -> list[list[float]]:

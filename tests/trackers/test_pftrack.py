@@ -1,7 +1,7 @@
 """The tracker `pftrack` and its parts."""
 
 from collections.abc import Callable
-from typing import Any
+from functools import partial
 
 import cv2
 import numpy as np
@@ -10,7 +10,6 @@ import pytest
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.records import Estimate
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter
 from pftrack_sim.trackers.pftrack.hog_map import CHANNELS, DIRECTIONS, hog_map
@@ -18,8 +17,7 @@ from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.parts import PartColours, describe
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
-
-Scene = tuple[list[np.ndarray], np.ndarray]
+from tests.trackers.following import Scene, follow
 
 
 def texture(width: int, height: int, seed: int = 0, grain: int = 6) -> np.ndarray:
@@ -28,10 +26,7 @@ def texture(width: int, height: int, seed: int = 0, grain: int = 6) -> np.ndarra
     return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
 
 
-def run(images: list[np.ndarray], box: Any, **given: Any) -> list[Estimate]:
-    tracker = trackers.make("pftrack", **given)
-    tracker.init(images[0], np.asarray(box, dtype=np.float64))
-    return [tracker.update(image) for image in images[1:]]
+run = partial(follow, "pftrack")
 
 
 def test_a_patch_at_the_image_s_own_scale_is_the_image():

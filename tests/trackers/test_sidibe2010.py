@@ -5,8 +5,7 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.trackers.relatives.sidibe2010 import Sidibe2010
-
-Scene = tuple[list[np.ndarray], np.ndarray]
+from tests.trackers.following import Scene, follow
 
 
 def made(**given: float) -> Sidibe2010:
@@ -44,7 +43,6 @@ def test_without_weight_a_likelihood_has_no_effect(scene: Scene):
     images, truth = scene
     confidences = []
     for cells in (2, 8):
-        tracker = made(lambda_saliency=0, cells=cells)
-        tracker.init(images[0], truth[0])
-        confidences.append([tracker.update(image).confidence for image in images[1:]])
+        found = follow("sidibe2010", images, truth[0], lambda_saliency=0, cells=cells)
+        confidences.append([one.confidence for one in found])
     assert confidences[0] == confidences[1]

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim import trackers
-
-Scene = tuple[list[np.ndarray], np.ndarray]
+from tests.trackers.following import Scene
 
 
 def test_ncc_finds_a_patch_exactly_under_any_brightness(scene: Scene):

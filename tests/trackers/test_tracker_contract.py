@@ -12,6 +12,7 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import BoxError, ImageError, TrackerError
 from pftrack_sim.core.records import Estimate, Tracker
 from pftrack_sim.trackers.opencv import CLASSES
+from tests.trackers.following import Scene, follow
 
 KO2012 = ["ko2012", "ko2012-classifier", "ko2012-cslbp", "ko2012-hsv", "ko2012-hsv-kernel", "ko2012-rgb"]
 # The others of OpenCV are in its contrib wheel, and are held to the same where that is the one installed.
@@ -32,18 +33,12 @@ NAMES = [
     "pftrack",
     "stay",
 ]
-Scene = tuple[list[np.ndarray], np.ndarray]
 # They learn from a frame on that the scene has.
 GIVEN: dict[str, dict[str, Any]] = {name: {"window": 6} for name in LEE2012}
 
 
 def make(name: str, **given: Any) -> Tracker:
     return trackers.make(name, **GIVEN.get(name, {}), **given)
-
-
-def follow(tracker: Tracker, images: list[np.ndarray], box: Any) -> list[Estimate]:
-    tracker.init(images[0], np.asarray(box, dtype=np.float64))
-    return [tracker.update(image) for image in images[1:]]
 
 
 def numbers(estimates: list[Estimate]) -> list[tuple[Any, ...]]:

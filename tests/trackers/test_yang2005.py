@@ -1,5 +1,6 @@
 """Yang, Duraiswami & Davis 2005: a cascade of observations on quasi-random particles."""
 
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -8,15 +9,12 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.trackers.relatives.yang2005 import STAGES, Cascade, Yang2005, orientation_channels
+from tests.trackers.following import Scene, follow
 
-Scene = tuple[list[np.ndarray], np.ndarray]
 ALL = {"keep_colour": 1.0, "keep_orientation": 1.0, "keep_haar": 1.0}
 
 
-def run(images: list[np.ndarray], box: np.ndarray, **given: Any) -> list[Any]:
-    tracker = trackers.make("yang2005", **given)
-    tracker.init(images[0], box)
-    return [tracker.update(image) for image in images[1:]]
+run = partial(follow, "yang2005")
 
 
 def cascade(scene: Scene, particles: np.ndarray, **given: Any) -> Cascade:
