@@ -9,11 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.people import NAME
 from pftrack_sim.scenario.section import Angle, Section, number, setting
 
 CAMERA = "camera"
 """Name of the first camera."""
+
+
+def seed_of_camera(seed: int, name: str) -> int:
+    """Root seed of a camera's noise and detector in the episode of a seed: each camera has errors of its own."""
+    return seed if name == CAMERA else int(stream(seed, "camera", name).integers(2**32))
+
 
 _LensCoefficient: TypeAlias = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 

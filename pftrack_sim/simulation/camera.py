@@ -8,13 +8,12 @@ import numpy as np
 
 from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.camera.shake import CameraShake
-from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.records import Frame, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.capture.frame_capture import CapturedFrame, make_frame_capture
 from pftrack_sim.render.renderer import Renderer
 from pftrack_sim.scenario import ResolvedScenario
-from pftrack_sim.scenario.camera import CAMERA
+from pftrack_sim.scenario.camera import CAMERA, seed_of_camera
 from pftrack_sim.scene.people.person import TRUNK
 from pftrack_sim.simulation.world import World
 from pftrack_sim.truth.observer import TruthObserver
@@ -39,7 +38,7 @@ class EpisodeCamera:
 
     def __init__(self, world: World, settings: ResolvedScenario, name: str, seed: int, shake: CameraShake) -> None:
         self._world, self._name = world, name
-        self._seed = seed if name == CAMERA else int(stream(seed, "camera", name).integers(2**32))
+        self._seed = seed_of_camera(seed, name)
         self.renderer: Renderer | None = None
         self.sensor = Sensor(settings.sensor, settings.axes, self._seed, grey=settings.camera.grey)
         self._look_through(settings, shake)

@@ -20,6 +20,7 @@ from pftrack_sim.core.photometry import LUMINANCE
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.records import DeferredPeople, Detections, Image, Truth
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scenario.camera import seed_of_camera
 from pftrack_sim.scenario.model import ResolvedScenario
 
 _HEIGHT_POWER, _VISIBLE_POWER, _CONTRAST_POWER = 2.3, 1.6, 2.0
@@ -42,16 +43,18 @@ class DetectionModel:
 
     Args:
         settings: Its scenario; `axes.detector` describes the detector.
-        seed: Root seed; the stream `"detector"` is used.
+        seed: Root seed; the stream `"detector"` is used, of a seed of its own for each camera.
     """
 
     def __init__(self, settings: ResolvedScenario, seed: int) -> None:
-        self._axis, self._seed = settings.axes.detector, seed
+        self._axis, self._seed = settings.axes.detector, seed_of_camera(seed, settings.viewed)
         camera = settings.viewing.camera
         self._size = camera.width_px, camera.height_px
         self._rate_hz = settings.camera.rate_hz
         self._errors: dict[str, _CorrelatedNoise] = {}
-        self._alarms = _FalseAlarms(self._size, self._axis.severity * self._axis.false_alarms, self._per_frame, seed)
+        self._alarms = _FalseAlarms(
+            self._size, self._axis.severity * self._axis.false_alarms, self._per_frame, self._seed
+        )
         self._pending: deque[tuple[float, Detections]] = deque()
         self._ready = Detections(np.empty((0, 4)), np.empty(0))
         self._ready_s = 0.0

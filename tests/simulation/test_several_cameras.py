@@ -188,6 +188,25 @@ def test_observation_and_information_tell_of_each_by_name():
     env.close()
 
 
+def test_errors_of_detectors_differ_between_cameras_and_are_those_of_each_alone():
+    """Of two that stand at one place with one lens."""
+    same = {**STEREO, "cameras": [{"name": "right"}], "axes": {"detector": {"severity": 1.0}}}
+    found: dict[str, dict[str, list[Any]]] = {}
+    for viewed, other in (("camera", "right"), ("right", "camera")):
+        env = gym.make("pftrack_sim/Track-v0", scenario=same, overrides={"viewed": viewed}, image=False)
+        _, info = env.reset(seed=3)
+        found[viewed] = {viewed: [], other: []}
+        for _ in range(10):
+            assert info["truth"].box.tolist() == info["cameras"][other]["truth"].box.tolist()
+            found[viewed][viewed].append(info["detections"].boxes.tolist())
+            found[viewed][other].append(info["cameras"][other]["detections"].boxes.tolist())
+            *_, info = env.step(np.zeros(4))
+        env.close()
+    assert found["camera"] == found["right"]
+    assert any(found["camera"]["camera"])
+    assert found["camera"]["camera"] != found["camera"]["right"]
+
+
 def test_a_run_scores_trackers_through_each_camera(tmp_path: Path):
     store = run(make_plan([STEREO], ["oracle"], [3], overrides={"duration_s": 0.5}), tmp_path / "run", videos="none")
     results = {one.condition.name: one.values["mean_overlap"] for one in store.results}
