@@ -52,7 +52,7 @@ def standing_remarks(found: Standing, run: str) -> Iterator[str]:
     if found.missing:
         yield f"{found.suite}: {found.missing} of {found.missing + found.episodes} results are missing here"
     if not found.references:
-        yield f"{found.suite}: no reference results are shipped yet"
+        yield f"{found.suite}: no reference results to compare with"
     if found.pairs:
         yield f"Below each difference: {score.INTERVALS}."
     redrawn = [one for one in found.pairs if one.other_frames]

@@ -132,6 +132,13 @@ def test_damage_is_refused_on_reading(made: dict[str, Submission], tmp_path: Pat
         read_submission(path)
     with pytest.raises(RunError, match="is not a submission"):
         read_submission(tmp_path)
+    for change, words in (
+        ({"overlap": "text"}, "it lacks overlap"),
+        ({"moment": b"1"}, "it lacks bytes of some frames"),
+    ):
+        write_submission(path, changed(one, lambda row, change=change: row.update(change)))
+        with pytest.raises(RunError, match=words):
+            read_submission(path)
 
 
 def test_scores_that_its_frames_do_not_have_are_refused(made: dict[str, Submission], tmp_path: Path):
@@ -273,9 +280,18 @@ def test_without_references_the_numbers_stand_alone(
 ):
     assert board(suite) is None
     (found,) = standings(stores[0])
-    assert f"{suite}: no reference results are shipped yet" in list(standing_remarks(found, "runs/x"))
+    assert f"{suite}: no reference results to compare with" in list(standing_remarks(found, "runs/x"))
     tables.print_standing(stores[0])
     assert "(here)" not in capsys.readouterr().out
+
+
+def test_on_other_seeds_the_numbers_stand_alone(suite: str, made: dict[str, Submission], shipped: Path, tmp_path: Path):
+    write_submission(shipped / "ncc.parquet", made["ncc"])
+    store = run(plan_all([suite], trackers=["stay"], seeds=[7, 8]), tmp_path / "tuned", videos="none")
+    (found,) = standings(store)
+    assert found.suite == f"{suite} on seeds 7:9, which are not its own"
+    assert [one.label for one in found.places] == ["stay"]
+    assert (found.references, found.pairs, found.missing) == (0, (), 0)
 
 
 def test_a_seed_that_lacks_an_episode_does_not_count():
@@ -303,7 +319,7 @@ def test_a_third_party_s_tracker_is_named_before_its_code_runs(suite: str, made:
         done = pftrack_sim(command, suite, "--trackers", "my_tracker:make", "--isolation", "never", "--videos", "none",
                            "--workers", "0", "--out", runs[-1], *more, cwd=tmp_path)  # fmt: skip
         assert done.returncode == 0, done.stderr
-    assert "no reference results are shipped yet" in done.stdout
+    assert "no reference results to compare with" in done.stdout
     assert pftrack_sim("submit", *runs, "--out", "mine.parquet", cwd=tmp_path).returncode == 0
     verifying = ("submit", "mine.parquet", "--verify", "--workers", "0", "--isolation", "never")
     done = pftrack_sim(*verifying, cwd=tmp_path)

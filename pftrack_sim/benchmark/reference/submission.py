@@ -16,6 +16,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import NoneType
 from typing import Any, Literal, TypeAlias
 
 import duckdb
@@ -44,8 +45,13 @@ Cell: TypeAlias = tuple[str, str, str, int]
 
 OVERLAP, LUMINANCE, NONE = 250, 255, 255
 _STRINGS = ("overlap", "moment", "luminance")
-_NEEDED = ("kind", "scenario", "condition", "seed", "label", "key", "frames_digest", "frames", "mean_overlap", "stay",
-           "ms_median", *_STRINGS)  # fmt: skip
+_NUMBER = (int, float, NoneType)
+_NEEDED: Mapping[str, type | tuple[type, ...]] = {
+    **dict.fromkeys(("kind", "scenario", "condition", "label", "key", "frames_digest"), str),
+    **dict.fromkeys(("seed", "frames"), int),
+    **dict.fromkeys(("mean_overlap", "stay", "ms_median"), _NUMBER),
+    **dict.fromkeys(_STRINGS, bytes),
+}
 _MAX_BYTES = 64 << 20
 _MOST_NAMED = 5
 _BITS = " + ".join(f"{2 << place} * {name}::INT" for place, name in enumerate(TAGS))
@@ -111,15 +117,22 @@ def frames_of(row: Row) -> tuple[FloatArray, BoolArray, dict[str, BoolArray]]:
     return overlaps, counted_frames(moments & 1), tags
 
 
-def suite_plan(name: str, trackers: Sequence[TrackerSpec], environment: keys.Environment | None = None) -> Plan:
+def suite_plan(
+    name: str,
+    trackers: Sequence[TrackerSpec],
+    environment: keys.Environment | None = None,
+    seeds: Sequence[int] | None = None,
+) -> Plan:
     """What a suite asks of trackers, as they are given; with their controllers its part in closed loop."""
-    part = plan_all([name], trackers=["stay"], closed_loop=trackers[0].controller is not None)
+    part = plan_all([name], trackers=["stay"], closed_loop=trackers[0].controller is not None, seeds=seeds)
     return make_checked_plan(part.sweeps, tuple(trackers), part.suites, environment=environment)
 
 
-def results_on(store: RunStore, name: str, trackers: Sequence[TrackerSpec]) -> tuple[list[Row], list[str]]:
+def results_on(
+    store: RunStore, name: str, trackers: Sequence[TrackerSpec], seeds: Sequence[int] | None = None
+) -> tuple[list[Row], list[str]]:
     """Rows of the trackers' results in a run that are exactly those of a suite, and the names of those it lacks."""
-    asked = suite_plan(name, trackers, store.plan.environment).asked
+    asked = suite_plan(name, trackers, store.plan.environment, seeds).asked
     there = {keys.short(one.key) for one in store.present.values()} & asked.keys()
     rows = [row for row in rows_of(store) if keys.short(row["key"]) in there] if there else []
     return rows, [one.episode.name for key, one in asked.items() if key not in there]
@@ -239,7 +252,9 @@ def read_submission(path: Path) -> Submission:
         about = About.model_validate(parse_json(metadata[0][0]) if metadata else None)
     except (duckdb.Error, ValueError, ValidationError) as error:
         raise RunError(f"{path} is not a submission that this version reads: {one_line(str(error), 200)}") from None
-    lacking = [name for name in _NEEDED if name not in names]
+    lacking = [name for name, kind in _NEEDED.items() if not all(isinstance(row.get(name), kind) for row in rows)]
+    if not lacking and any(len({len(row[name]) for name in _STRINGS}) > 1 for row in rows):
+        lacking = ["bytes of some frames"]
     if lacking or not about.trackers:
         raise RunError(f"{path} is not a submission: it lacks {', '.join(lacking) or 'its trackers'}")
     if _digest(rows) != about.rows:
