@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
+from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy, HairStyle
 from pftrack_sim.scene.people.head_texture import HEAD_SIZE, hairline, texture_row
@@ -19,7 +21,7 @@ from pftrack_sim.scene.people.mesh import (
     ring_angles,
     superellipse_rings,
 )
-from pftrack_sim.scene.people.texture_atlas import CAP, HAIR, HEAD, SKIN, Region, region_mesh
+from pftrack_sim.scene.people.texture_atlas import CAP, HAIR, HEAD, SKIN, region_mesh
 
 _CROWN_Z = 0.160
 _RING_POINTS = 16
@@ -64,28 +66,23 @@ def _ear(side: float) -> TriangleMesh:
 
 
 def _hair(style: HairStyle) -> list[TriangleMesh]:
-    """Hair, or a cap with its brim."""
-    match style:
-        case "bald":
-            return []
-        case "short":
-            return [_scalp_cover(style, 0.0065, 0.0)]
-        case "medium":
-            return [_scalp_cover(style, 0.0125, 0.004), _back_hair(0.010)]
-        case "long":
-            return [_scalp_cover(style, 0.0095, 0.003), _back_hair(-0.055)]
-        case "curly":
-            return [_scalp_cover(style, 0.017, 0.010)]
-        case "bun":
-            return [_scalp_cover(style, 0.006, 0.0), _bun()]
-        case "cap":
-            return [_scalp_cover(style, 0.006, 0.0, CAP), _brim()]
-        case "beanie":
-            return [_scalp_cover(style, 0.008, 0.0, CAP)]
+    """Hair, or a hat."""
+    if style == "bald":
+        return []
+    shape = asset_table("people")["hair"][style]
+    parts = [_scalp_cover(style, shape)]
+    if "hangs_to" in shape:
+        parts.append(_back_hair(shape["hangs_to"]))
+    if style == "bun":
+        parts.append(region_mesh(superellipse_rings(load_profile("bun"), 8), HAIR))
+    if style == "cap":
+        parts.append(_brim())
+    return parts
 
 
-def _scalp_cover(style: HairStyle, thickness: float, flare: float, region: Region = HAIR) -> TriangleMesh:
-    """Hair or a cap offset from the skull, thickest at the crown; `flare` adds to it towards the back and the edge."""
+def _scalp_cover(style: HairStyle, shape: Mapping[str, float]) -> TriangleMesh:
+    """Hair or a hat offset from the skull, thickest at the crown."""
+    region = CAP if "hat" in shape else HAIR
     angle = ring_angles(_RING_POINTS)
     edge = np.full(_RING_POINTS, 0.108) if region is CAP else hairline(style, angle)
     share = np.array([0.0, 0.12, 0.30, 0.54, 0.79, 1.0, 1.02])
@@ -94,10 +91,10 @@ def _scalp_cover(style: HairStyle, thickness: float, flare: float, region: Regio
     points = _skull_points(np.broadcast_to(angle, z.shape), z)
     outward = points - np.array([-0.002, 0.0, 0.098])
     outward /= np.sqrt((outward**2).sum(axis=2, keepdims=True))
-    crown, rim = (1.3, 0.9) if style == "cap" else (2.4, 1.1) if style == "beanie" else (1.15, 0.25)
+    crown, rim = shape.get("crown", 1.15), shape.get("rim", 0.25)
     falloff = np.interp(share, (0.0, 0.3, 0.79, 1.0, 1.02), (crown, crown, 0.5 * (crown + rim), rim, -0.5))
-    flared = flare * np.clip(np.abs(angle) / np.pi, 0.3, 1.0)[None] * np.clip(share, 0, 0.8)[:, None]
-    offset = (thickness * falloff)[:, None] + flared
+    flared = shape.get("flare", 0.0) * np.clip(np.abs(angle) / np.pi, 0.3, 1.0)[None] * np.clip(share, 0, 0.8)[:, None]
+    offset = (shape["thickness"] * falloff)[:, None] + flared
     if region is HAIR:
         # Strands lie over each other.
         offset *= 1.0 + _UNEVEN * np.random.default_rng(len(style)).standard_normal(offset.shape)
@@ -132,10 +129,6 @@ def _back_hair(low: float) -> TriangleMesh:
     rings = superellipse_rings(table, 12, power=2.3)
     rings[..., 1] *= 1.0 + 0.04 * np.sin(110.0 * rings[..., 2] + 2.0 * np.sign(rings[..., 1]))
     return region_mesh(rings, HAIR)
-
-
-def _bun() -> TriangleMesh:
-    return region_mesh(superellipse_rings(load_profile("bun"), 8), HAIR)
 
 
 def _brim() -> TriangleMesh:

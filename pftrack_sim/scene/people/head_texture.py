@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy, HairStyle
@@ -30,7 +31,8 @@ def texture_row(z: ArrayLike) -> FloatArray:
 
 def hairline(style: HairStyle, angle: FloatArray) -> FloatArray:
     """Height of the lower edge of the hair by direction [rad]."""
-    side, nape = {"medium": (0.070, 0.024), "long": (0.078, 0.020), "curly": (0.082, 0.030)}.get(style, (0.092, 0.040))
+    shape = asset_table("people")["hair"].get(style, {})
+    side, nape = shape.get("side", 0.092), shape.get("nape", 0.040)
     angles = np.array([0.0, 0.45, 0.80, 1.10, 1.45, 1.75, 2.2, np.pi])
     heights = np.array([0.1335, 0.1320, 0.1220, side, side - 0.012, 0.5 * (side + nape), nape + 0.008, nape])
     return np.interp(np.abs(angle), angles, heights)
@@ -81,23 +83,11 @@ def _complexion() -> NDArray[np.float32]:
     """`(3, H, W)` factors of the skin's colour on the canvas: Gaussian spots of shadow and blush; read-only."""
     rows, angle = _grid()
     factors = np.ones((3, *_CANVAS))
-
-    def add(strength: float, z: float, at: float, size_z: float, size_angle: float, tint: Sequence[float]) -> None:
+    for strength, z, at, size_z, size_angle, *tint in asset_table("people")["face"]["spots"]:
         down = (rows - texture_row(z)) / (size_z / (_TOP_Z - _BOTTOM_Z) * HEAD_SIZE[0])
         around = (angle - at) / size_angle
         share = strength * np.exp(-(down**2) - around**2)
-        factors[...] += (np.reshape(tint, (3, 1, 1)) - factors) * share
-
-    shadow, blush = (0.55, 0.45, 0.42), (1.0, 0.72, 0.68)
-    add(0.55, 0.020, 0.0, 0.012, 1.2, shadow)  # below the chin
-    for side in (-1.0, 1.0):
-        add(0.42, 0.0965, 0.37 * side, 0.006, 0.19, shadow)  # eye sockets
-        add(0.22, 0.066, 0.52 * side, 0.010, 0.18, blush)  # cheeks
-        add(0.16, 0.0660, 0.13 * side, 0.007, 0.035, shadow)  # beside the nose
-        add(0.40, 0.0610, 0.07 * side, 0.0016, 0.04, shadow)  # nostrils
-        add(0.20, 0.0500, 1.15 * side, 0.045, 0.45, shadow)  # beside the jaw
-    add(0.18, 0.0590, 0.0, 0.003, 0.12, shadow)  # below the nose
-    add(0.20, 0.0465, 0.0, 0.003, 0.22, shadow)  # below the lips
+        factors += (np.reshape(tint, (3, 1, 1)) - factors) * share
     return _frozen(factors)
 
 
