@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pftrack_sim  # noqa: F401 - registers the environments
-from pftrack_sim import policies, scenario, trackers
+from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.benchmark import make_plan, run
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ScenarioError, TrackerError, UnknownNameError
@@ -101,6 +101,26 @@ def test_a_tracker_for_each():
         observation, reward, _, over, info = env.step(answers["target"])
         assert reward == pytest.approx(float(info["scored"]))
     assert all(len(found) > 5 and min(found) == 1.0 for found in overlaps.values())
+    env.close()
+
+
+def test_the_robot_follows_one_and_is_handed_over_to_another():
+    path_m = [[5.0, 2.2], [9.0, 2.6], [14.0, 6.0], [20.0, 7.0]]
+    longer = {"duration_s": 10.0, "targets.0.path_m": path_m, "camera.rate_hz": 20.0}
+    env = gym.make("pftrack_sim/Follow-v0", scenario=SEVERAL, overrides=longer, image=False)
+    policy = policies.FollowPolicy(trackers.make("oracle"), controllers.make("servo-avoid"))
+    observation, info = env.reset(seed=0)
+    while info["time_s"] < 4.0:
+        observation, *_, info = env.step(policy(observation, info))
+    env.unwrapped.switch_target("lea")
+    bearings_rad: list[float] = []
+    while info.get("outcome") is None:
+        observation, *_, info = env.step(policy(observation, info))
+        bearings_rad.append(abs(info["bearing_rad"]))
+        assert info["truth"] is info["targets"]["lea"]
+        assert set(info["targets"]) == {"target", "lea", "distractor-1"}
+    assert info["outcome"] == "finished"
+    assert np.median(bearings_rad) < 0.1
     env.close()
 
 
