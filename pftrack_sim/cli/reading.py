@@ -183,8 +183,9 @@ def submit(
     workers: Workers = None,
     isolation: Isolation = "auto",
 ) -> None:
-    """Put a tracker's results on a frozen suite into one file that others can check, or check such a file.
+    """Make or check a file of a tracker's results on a suite.
 
+    The suite is a frozen one, such as standard; all of its episodes are in the file, those of bench and of follow.
     To verify a tracker of somebody else's runs their code: name it with --tracker.
     """
     from pftrack_sim.benchmark import RunStore
