@@ -201,7 +201,8 @@ def submit(
         tables.print_lines([f"next: pftrack-sim submit {shlex.quote(str(out))} --verify"])
         return
     if len(paths) != 1:
-        raise ParameterError("submit takes run folders, or one submission to check")
+        other = next(path for path in paths if not is_run(path))
+        raise ParameterError(f"submit takes run folders, or one submission to check: {other} is no run folder")
     found = read_submission(paths[0])
     wrong = problems(found)
     about = found.about

@@ -204,8 +204,14 @@ def test_what_cannot_be_submitted_says_why(suite: str, stores: list[RunStore], t
     plain = run(alone, tmp_path / "plain", videos="none")
     with pytest.raises(ParameterError, match="is of one frozen suite, such as standard-1"):
         make_submission([plain], "stay")
-    done = pftrack_sim("submit", str(tmp_path / "few"), "--verify")
-    assert (done.returncode, done.stdout) == (2, "")
+    for words, said in (
+        ([tmp_path / "few", "--verify"], "--verify takes a submission"),
+        ([tmp_path / "few", tmp_path], f"{tmp_path} is no run folder"),
+        ([tmp_path / "none.parquet"], "none.parquet is not a submission"),
+    ):
+        done = pftrack_sim("submit", *map(str, words))
+        assert (done.returncode, done.stdout) == (2, "")
+        assert said in done.stderr
 
 
 def test_a_tracker_is_charged_what_it_takes(made: dict[str, Submission]):
