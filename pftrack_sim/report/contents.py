@@ -80,27 +80,6 @@ MEASURES: Mapping[str, str] = MappingProxyType(
     {name: head for group in (*GROUPS.values(), PEOPLE) for name, head in group.items()}
 )
 
-_DEFINED = {"stay": "stay", "centre_inside": "inside", "fixed_size": "fixed size"}
-_DEFINED_FOLLOWING = {
-    "follow_success": "success",
-    "follow_collision": "collided",
-    "follow_tracking_rate": "tracked",
-    "follow_within": "within",
-    "follow_distance_rms_m": "RMS",
-    "follow_jerk_rms_m_s3": "jerk",
-    "follow_bystander_m": "nearest bystander",
-    "follow_losses": "losses",
-}
-_MEANINGS: Mapping[str, str] = MappingProxyType(
-    {
-        **score.MEASURE_DEFINITIONS,
-        **{measure: score.DEFINITIONS[name] for measure, name in _DEFINED.items()},
-        **{measure: score.FOLLOWING_DEFINITIONS[name] for measure, name in _DEFINED_FOLLOWING.items()},
-        **{measure: score.PEOPLE_DEFINITIONS[name] for measure, name in PEOPLE.items()},
-    }
-)
-"""What measures are, as the heads of their columns tell; others have names that tell it."""
-
 _EPISODE = "scenario, condition, seed, label"
 _FRAME_COLUMNS = ("time_s", "overlap", "centre_error_px", "visible_fraction", "scored")
 
@@ -269,7 +248,7 @@ def _board(
         # Colour, dash and marker, as plotly reads them; the last are those of the first box in every frame.
         "styles": [[one.hexadecimal, one.dash, one.marker] for one in (*(styles[label] for label in trackers), STAY)],
         "neutral": Style(GREY).hexadecimal,
-        "measures": [[name, MEASURES[name], _MEANINGS.get(name, "")] for name in measures],
+        "measures": [[name, MEASURES[name], score.MEASURE_DEFINITIONS.get(name, "")] for name in measures],
         "groups": [
             [title, known] for title, group in GROUPS.items() if (known := [one for one in group if one in measures])
         ],

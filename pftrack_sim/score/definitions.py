@@ -62,9 +62,18 @@ MEASURE_DEFINITIONS: Mapping[str, str] = MappingProxyType(
         "mean_overlap": "intersection over union of estimate and true box, mean over the frames in which the target is "
         "visible",
         "success": f"share of frames with an overlap of at least {curves.SUCCESS_OVERLAP:g}",
+        "stay": DEFINITIONS["stay"],
+        "centre_inside": DEFINITIONS["inside"],
+        "fixed_size": DEFINITIONS["fixed size"],
         "follow_success": FOLLOWING_DEFINITIONS["success"],
+        "follow_collision": FOLLOWING_DEFINITIONS["collided"],
         "follow_tracking_rate": FOLLOWING_DEFINITIONS["tracked"],
         "follow_within": FOLLOWING_DEFINITIONS["within"],
+        "follow_distance_rms_m": FOLLOWING_DEFINITIONS["RMS"],
+        "follow_jerk_rms_m_s3": FOLLOWING_DEFINITIONS["jerk"],
+        "follow_bystander_m": FOLLOWING_DEFINITIONS["nearest bystander"],
+        "follow_losses": FOLLOWING_DEFINITIONS["losses"],
+        **{head.lower(): words for head, words in PEOPLE_DEFINITIONS.items()},
     }
 )
-"""Columns of the summary that runs and claims are compared by."""
+"""Columns of the summary; others have names that tell what they are."""

@@ -14,7 +14,7 @@ from pftrack_sim import report, score
 from pftrack_sim.benchmark import RunStore, make_plan, run
 from pftrack_sim.benchmark.kept.checksums import Checksums
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.report.contents import _MEANINGS, MEASURES, contents
+from pftrack_sim.report.contents import MEASURES, contents
 
 
 def test_rows_and_curves_are_those_of_the_folder(finished: Path):
@@ -42,12 +42,11 @@ def test_heads_of_columns_tell_what_their_own_measure_is(finished: Path):
     assert {name: words for name, _, words in contents(RunStore(finished))["measures"]}["stay"] == score.DEFINITIONS[
         "stay"
     ]
-    assert _MEANINGS["follow_jerk_rms_m_s3"] == score.FOLLOWING_DEFINITIONS["jerk"]
-    assert "follow_bearing_rms_deg" not in _MEANINGS
-    assert set(_MEANINGS) <= set(MEASURES) | set(score.MEASURE_DEFINITIONS)
+    assert "follow_bearing_rms_deg" not in score.MEASURE_DEFINITIONS
+    assert set(score.MEASURE_DEFINITIONS) <= set(MEASURES)
     told = [*score.DEFINITIONS.values(), *score.FOLLOWING_DEFINITIONS.values(), *score.PEOPLE_DEFINITIONS.values()]
     # Of a table and no column: skill, and tracked in open loop.
-    assert len(set(told) - set(_MEANINGS.values())) == 2
+    assert len(set(told) - set(score.MEASURE_DEFINITIONS.values())) == 2
 
 
 def test_the_slowest_frame_is_said_with_its_place(finished: Path):
