@@ -158,3 +158,16 @@ def test_skill_is_0_for_a_box_that_stays_and_leaves_out_seeds_that_one_of_both_l
     with_gaps = score.skill_over_seeds([0.5, math.nan, 0.9, 0.2], [0.1, 0.3, math.nan, 0.1])
     assert with_gaps.values == pytest.approx(score.skill_over_seeds([0.5, 0.2], [0.1, 0.1]).values)
     assert math.isnan(score.skill_over_seeds([1.0], [1.0]).mean)
+
+
+@pytest.mark.parametrize("shared", [0.0, 0.5])
+@pytest.mark.parametrize("rate", [0.1, 0.5, 0.9])
+def test_the_interval_of_a_success_rate_over_drives_in_four_places_covers_it(rate: float, shared: float):
+    draws = np.random.default_rng(0)
+    places = np.clip(rate + min(rate, 1.0 - rate) * np.array([-0.6, -0.2, 0.2, 0.6]), 0.01, 0.99)
+    odds = np.log(places / (1.0 - places))
+    # Drives of one seed have a part of their odds in common.
+    rates = 1.0 / (1.0 + np.exp(-(odds + draws.normal(0.0, shared, (20_000, 18, 1)))))
+    drives = (draws.random((1000, 18, 4)) < rates[:1000]).reshape(1000, 72).astype(np.float64)
+    found = [score.proportion_over_seeds(one) for one in drives]
+    assert 0.92 < np.mean([one.low <= rates.mean() <= one.high for one in found]) < 0.99
