@@ -76,6 +76,7 @@ def test_the_site_marks_tables_that_are_older_than_the_code(monkeypatch: pytest.
     assert marked.startswith("Older than this version: made by other code of the scores.\n\n<details")
     monkeypatch.setattr(results, "stale", lambda part: [])
     assert hooks.TABLES.sub(hooks.folded, block).startswith("<details")
+    assert hooks.TABLES.sub(hooks.folded, "<!-- tables of standard-1 -->\n<!-- end -->") == "", "not made yet"
 
 
 def test_a_wrong_part_says_which_there_are(capsys: pytest.CaptureFixture[str]):

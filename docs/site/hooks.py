@@ -47,6 +47,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 def folded(found: re.Match[str]) -> str:
     """The tables of a run behind a line that says what they show."""
     heads = re.findall(r"^\| (.*?) \|.*\n\| ---", found["body"], re.MULTILINE)
+    if not heads and found["kind"] == "tables":  # not made yet
+        return ""
     told = "; ".join(heads) if found["kind"] == "tables" else "What the columns mean"
     part = next((one for one in results.parts() if one.name == found["name"]), None)
     made_by = results.stale(part) if part is not None and found["kind"] == "tables" else []
