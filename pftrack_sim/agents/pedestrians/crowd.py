@@ -38,6 +38,7 @@ from pftrack_sim.scene.layout import WalkableArea
 _Scripted: TypeAlias = CrossingPedestrian | OncomingPedestrian
 
 _CROSSING_WALKING_SPEED_M_S = 1.2
+_SIGHT_POINTS = 16  # On the line of sight at the start, half a metre apart at 8 m
 _ROBOT_VELOCITY_TIME_CONSTANT_S = 0.1
 
 
@@ -102,7 +103,9 @@ class Crowd:
             self._headings[person] = member.reset(self._state[person], self.target_s_m, self._state[0, :2])
             occupied.append(self._state[person, :2].copy())
         if robot_start_m is not None:
-            occupied.append(np.asarray(robot_start_m, dtype=np.float64))
+            # Nobody starts between the robot and the target: the first box holds the target.
+            start_m = np.asarray(robot_start_m, dtype=np.float64)
+            occupied += list(np.linspace(start_m, self._state[0, :2], _SIGHT_POINTS))
         for person in range(1, 1 + distractors.count):
             self._start_distractor(person, rngs[person - 1], occupied)
         self._scripted: dict[int, _Scripted] = {}

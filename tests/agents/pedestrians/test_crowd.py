@@ -196,3 +196,10 @@ def test_distractors_pause_and_change_their_pace_as_often_as_asked():
     assert speeds.max() < 2.2
     PaceChanges(rngs, 0.0, now).update(1e6)
     assert (now == 1.0).all()
+
+
+def test_nobody_starts_between_the_robot_and_the_target():
+    for seed in range(60):
+        others = crowd_of(FIELD, 12, seed).positions_m[1:]
+        between = (others[:, 0] > -3.0) & (others[:, 0] < 0.0)
+        assert np.abs(others[between, 1]).min(initial=np.inf) > 0.9
