@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.controllers.base import RobotParameters, is_lost
 from pftrack_sim.controllers.visual_servo import DISTANCE_S, GAZE_S, TURN_S, VisualServo, box_direction
-from pftrack_sim.core.proprioception import PROPRIO_INDEX
+from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGES, beam_angles_rad
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.types import FloatArray
 
@@ -23,7 +23,8 @@ OVERSHOOT_RAD = math.radians(35.0)
 MOTION_S = 1.0  # Time over which the target's motion on the ground is measured
 LEAD_S = 1.2  # The target is assumed to have walked on for this time: past the edge that hid it
 WALKS_S = 3.0  # It is looked for where it would be by now if it walked on, for as long as this
-ARRIVED_M = 0.5  # The place is reached this far before it
+ARRIVED_M = 0.5  # The place is reached this far before it ...
+BODY_M = 0.5  # ... but for a place where something no wider than a person ends the beams: it is looked at from afar
 STUCK_S, STUCK_M_S = 1.5, 0.15
 """The search goes on from where the robot stands after it has been slower than this for this time, facing its way."""
 FACES_RAD = math.radians(45.0)
@@ -43,11 +44,12 @@ class TargetSearch:
 
     The target's last places are stored in the odometry frame. For `PATIENCE_S` the last motion decays. A robot that
     `drives` then goes to the last place and `LEAD_S` of the target's motion beyond until it has arrived or cannot
-    get nearer, and looks where the target would be by now. From `LOOKS_S` on the view sweeps about that direction
-    with growing amplitude, after the drive with the base turning after the head, until the target is visible again.
-    Without `drives` the head first looks `OVERSHOOT_RAD` past the target's last direction for `LOOK_S`, to the side
-    to which it was moving, and sweeps about that direction. The inner controller estimates the distance and defines
-    when the target is lost.
+    get nearer, and looks where the target would be by now. To somebody who stands there, or whom the tracker sees
+    without being sure, it keeps the distance of following: nearer, the camera would see a part of the body alone.
+    From `LOOKS_S` on the view sweeps about that direction with growing amplitude, after the drive with the base
+    turning after the head, until the target is visible again. Without `drives` the head first looks `OVERSHOOT_RAD`
+    past the target's last direction for `LOOK_S`, to the side to which it was moving, and sweeps about that direction.
+    The inner controller estimates the distance and defines when the target is lost.
 
     Args:
         inner: Follows the target while it is visible.
@@ -98,7 +100,7 @@ class TargetSearch:
             return command
         if self._direction_rad is None:
             self._direction_rad = heading + pan
-        way = self._way(proprio, position)
+        way = self._way(proprio, position, seen=not estimate.occluded)
         # In the direction of the sweep, not by the shorter turn: a look backwards does not jump from side to side.
         forward, turn, swing = 0.0, pan / TURN_S, 0.0
         if way is not None:
@@ -116,8 +118,11 @@ class TargetSearch:
         rates = np.array([forward, turn, error / GAZE_S - yaw_rate, -tilt / (4.0 * GAZE_S)])
         return np.clip(rates / self._robot.limits, -1.0, 1.0)
 
-    def _way(self, proprio: NDArray[Any], position_m: FloatArray) -> tuple[float, float] | None:
-        """Distance [m] and direction [rad] of the way to the target's last place; None once there, or stuck."""
+    def _way(self, proprio: NDArray[Any], position_m: FloatArray, *, seen: bool) -> tuple[float, float] | None:
+        """Distance [m] and direction [rad] of the way to the target's last place; None once there, or stuck.
+
+        Where the tracker sees somebody of whom it is not sure (`seen`), the way ends at the distance of following.
+        """
         if self._drives and self._places:
             self._last_m, self._motion_m = self._places[-1], self._places[-1] - self._places[0]
             self.goal_m = self._last_m + LEAD_S / MOTION_S * self._motion_m
@@ -125,8 +130,10 @@ class TargetSearch:
         if self.goal_m is None:
             return None
         self._direction_rad = _direction(self._last_m + self._walked_s / MOTION_S * self._motion_m - position_m)
-        ahead_m, direction = math.dist(self.goal_m, position_m) - ARRIVED_M, _direction(self.goal_m - position_m)
         heading = float(proprio[PROPRIO_INDEX["odometry_heading_rad"]])
+        taken = seen or self._is_taken(proprio, self.goal_m - position_m, heading)
+        short_m = self._robot.distance_m if taken else ARRIVED_M
+        ahead_m, direction = math.dist(self.goal_m, position_m) - short_m, _direction(self.goal_m - position_m)
         wheels = proprio[PROPRIO_INDEX["wheel_left_m_s"]], proprio[PROPRIO_INDEX["wheel_right_m_s"]]
         if abs(0.5 * float(sum(wheels))) >= STUCK_M_S:
             self._stuck_s = 0.0
@@ -136,6 +143,13 @@ class TargetSearch:
             self.goal_m = None
             return None
         return ahead_m, direction
+
+    def _is_taken(self, proprio: NDArray[Any], way_m: FloatArray, heading_rad: float) -> bool:
+        """Whether the scan shows somebody, or something as narrow, at the end of a `(2,)` way."""
+        ranges = np.asarray(proprio[RANGES], dtype=np.float64)
+        angles = heading_rad + beam_angles_rad(self._robot.beam_field_deg, len(ranges))
+        away: FloatArray = np.hypot(ranges * np.cos(angles) - way_m[0], ranges * np.sin(angles) - way_m[1])
+        return bool((away < BODY_M).any() and not ((away >= BODY_M) & (away < 2.0 * BODY_M)).any())
 
     @property
     def _walked_s(self) -> float:

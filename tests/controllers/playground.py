@@ -102,7 +102,7 @@ class Playground:
         """Simulate; the tracker detects the person while in view, if `sure`. Velocity of the person [m/s]."""
         for _ in range(round(seconds * 30.0)):
             seen = sure and self.in_view
-            estimate = Estimate(self.box() if seen else np.zeros(4), confidence=1.0 if seen else 0.0)
+            estimate = Estimate(self.box() if seen else np.zeros(4), 1.0 if seen else 0.0, occluded=not seen)
             command = controller.act(estimate, self.proprio())
             self.commands.append(command)
             step = np.array([1.2, 4.0, 12.0, 8.0]) / 30.0

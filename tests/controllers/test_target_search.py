@@ -114,3 +114,17 @@ def test_it_looks_around_where_the_way_to_the_last_place_is_closed():
     world.commands.clear()
     world.play(controller, 3.0, sure=False)
     assert max(abs(command[0]) for command in world.commands) == 0.0
+
+
+def test_it_does_not_drive_up_to_somebody_who_stands_at_the_last_place():
+    """The tracker lost a person in full view, who turned, say: too near, the camera sees a part of the body alone."""
+    nearest: list[float] = []
+    for legs in (True, False):
+        world, controller = Playground((3.0, 0.0), legs=legs), servo("servo-avoid")
+        world.play(controller, 3.0)
+        world.target[0] += 1.5  # So that there is a way to drive
+        world.play(controller, 0.5)
+        world.play(controller, 6.0, sure=False)
+        nearest.append(world.nearest_to_person_m)
+    assert nearest[0] > 2.0
+    assert nearest[1] < nearest[0] - 0.5, "to a place where nobody stands it drives"
