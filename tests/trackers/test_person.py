@@ -1,5 +1,6 @@
 """What the network of `pftrack` says of people that the simulator draws, and of what is no person."""
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,7 +13,7 @@ from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.person import KnownPerson, look
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
-from pftrack_sim.trackers.recognition.search import search
+from pftrack_sim.trackers.recognition.search import SURE, Place, Reach, search
 
 SEED = 3  # The network was trained on 200 to 207
 
@@ -65,6 +66,35 @@ def test_views_of_a_person_are_more_alike_than_those_of_another(frames: list[Fra
     assert np.median(likeness[True]) > np.quantile(likeness[False], 0.9)
 
 
+def test_a_view_that_goes_on_from_certain_ones_stays_the_person_for_a_while(frames: list[Frame]):
+    first = in_full_view(frames)[0]
+    pyramid, box = ImagePyramid(first.image), first.truth.amodal_box
+    known = KnownPerson.found(pyramid, boxes.centre(box), box[2:])
+    assert known is not None
+    view = known.describe(pyramid, boxes.centre(box), box[2:])
+    unlike = 0.8  # Turned, or lit otherwise
+    assert known.follow(view, 0.97) == 0.97
+    followed = [known.follow(view, unlike) for _ in range(200)]
+    assert followed[0] > SURE - 0.01
+    assert all(after <= before for before, after in itertools.pairwise(followed))
+    assert followed[-1] == unlike, "not for ever"
+    assert known.follow(view, 0.97) == 0.97
+    assert known.follow(view, 0.6) == 0.6, "what is foreign is not the person"
+    assert known.follow(view, unlike) == unlike
+    assert known.follow(view, 0.97) == 0.97
+    other = view._replace(identity=-view.identity)
+    assert known.follow(other, unlike) == unlike, "another person does not go on from the views before"
+
+
+def test_a_lost_person_is_not_found_where_nobody_can_have_walked_to():
+    reach = Reach(np.array([100.0, 60.0]), np.array([30.0, 90.0]), missed=3)
+    same = Place(1.0, np.array([30.0, 90.0]), np.array([120.0, 60.0]))
+    assert reach.holds(same)
+    assert not reach.holds(same._replace(centre=np.array([300.0, 60.0])))
+    assert not reach.holds(same._replace(size=same.size / 1.5))
+    assert reach._replace(missed=30).holds(same._replace(size=same.size / 1.5))
+
+
 def test_noise_and_walls_are_no_person(frames: list[Frame]):
     noise = np.random.default_rng(0).integers(0, 255, (240, 320, 3), dtype=np.uint8)
     for image in (noise, np.full((240, 320, 3), 120, np.uint8), frames[0].image[:60]):
@@ -102,7 +132,8 @@ def test_a_lost_person_is_found_at_half_the_size_among_others(frames: list[Frame
     for frame in seen[1:]:
         pyramid, target = ImagePyramid(frame.image), frame.truth.amodal_box
         for attempt, zoom in ((0, 1.7), (1, 2.6)):
-            places = search(frame.image, pyramid, known, ColourModel(), zoom * target[2:], attempt=attempt)
+            reach = Reach(boxes.centre(target), zoom * target[2:], missed=60)
+            places = search(frame.image, pyramid, known, ColourModel(), reach, attempt)
             best = places[0]
             found.append(boxes.iou(np.concatenate([best.centre - best.size / 2, best.size]), target) > 0.4)
     assert len(found) >= 8

@@ -35,6 +35,7 @@ from pftrack_sim.trackers.recognition.search import (
     UNSURE,
     Doubt,
     Looks,
+    Reach,
     likeness_at,
     ramp,
     search,
@@ -169,7 +170,7 @@ class Pftrack(BaseTracker):
         self._scales = ScaleFilter(core(self._size, p.scale_core), p.scale_count, p.scale_step, p.scale_cells)
         self._camera = CameraMotion(p.camera_certainty)
         self._usual = None
-        self._doubt, self._sure_scale = Doubt(p.unsure_likeness, p.sure_likeness), 1.0
+        self._doubt, self._sure_scale, self._missed = Doubt(p.unsure_likeness, p.sure_likeness), 1.0, 0
         pyramid = ImagePyramid(image)
         person = KnownPerson.found(pyramid, self._centre, self._size) if p.person_gain > 0.0 else None
         self._looks = person or PartColours(describe(pyramid, self._centre, self._size))
@@ -193,7 +194,9 @@ class Pftrack(BaseTracker):
             self._scale = place.match.scale
             self._doubt.begin_again()
         found = place.match
-        occluded = place.likeness < p.unsure_likeness
+        likeness = person.follow(place.looks, place.likeness) if person else place.likeness
+        occluded = likeness < p.unsure_likeness
+        self._missed = self._missed + 1 if occluded else 0
         hold = occluded and found.score < p.occlusion_hold * usual[0]
         self._centre = _inside(carried, image) if hold else found.centre
         peak = min(max(found.peak / max(float(usual[1]), 1e-6), 0.0), 1.0)
@@ -202,18 +205,18 @@ class Pftrack(BaseTracker):
         if person is not None and not occluded:  # who is not alike may be another, in front
             self._settle(person.correction(place.looks), image)
         if not occluded:
-            trust = ramp(place.likeness, p.unsure_likeness, p.sure_likeness)
+            trust = ramp(likeness, p.unsure_likeness, p.sure_likeness)
             self._velocity = 0.5 * (self._velocity + found.centre - carried)
             self._usual = usual + SLOW * max(trust, FORGETTING) * (np.array([found.score, found.peak]) - usual)
             if trust > 0.0:
                 self._learn(pyramid, peak * trust)
-                if person is None or not self._doubt:
+                if person is None or not self._doubt or likeness > place.likeness:
                     self._looks.learn(place.looks, trust)
                 self._sure_scale = self._scale
         size = self._scale * self._size
         box = np.concatenate([self._centre - 0.5 * size, size])
         hidden = occluded and (hold or person is None or person.is_covered(place.looks))
-        return Estimate(box, ramp(place.likeness, UNLIKE, 1.0), hidden)
+        return Estimate(box, ramp(likeness, UNLIKE, 1.0), hidden)
 
     def _camera_shift(self, image: Image) -> FloatArray:
         return self._camera.shift(image) if self.params.camera_motion else np.zeros(2)
@@ -263,8 +266,10 @@ class Pftrack(BaseTracker):
         Places are proposed by colour at several sizes, ordered by their looks, and compared by the filter.
         """
         p = self.params
-        size = self._sure_scale * self._size
-        proposed = search(image, pyramid, self._looks, self._colour, size, attempt=attempt)
+        # People walk; where other targets can be is not known.
+        missed = self._missed if isinstance(self._looks, KnownPerson) else math.inf
+        reach = Reach(self._centre, self._sure_scale * self._size, missed)
+        proposed = search(image, pyramid, self._looks, self._colour, reach, attempt)
         least = max(p.found_likeness, 0.0 if now.likeness < p.unsure_likeness else now.likeness + p.found_gain)
         best: Place | None = None
         for one in proposed[:COMPARED]:

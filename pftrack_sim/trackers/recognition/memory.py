@@ -30,14 +30,13 @@ from pftrack_sim.trackers.recognition.search import (
     UNSURE,
     Doubt,
     Place,
+    Reach,
     likeness_at,
     moved,
     ramp,
     search,
 )
 
-REACH, REACH_RATE = 1.5, 0.1
-"""How far a target is searched, in heights: at once, and for each frame since it was last sure."""
 SAME = 0.3  # Overlap from which a place is that of the estimate
 PATCH_PX, SURROUND = 128, 3.5
 """Side of the patch whose colours are learnt, and the same as a multiple of the square root of the target's area."""
@@ -88,7 +87,6 @@ class TargetMemory:
         view, place = self._seen(pyramid, estimated := _place(box, image))
         now = None if place.size is estimated.size or place.likeness < UNSURE else place
         self._doubt.see(place.likeness)
-        self._missed = 0 if place.likeness >= UNSURE else self._missed + 1
         attempt = self._doubt.search(SEARCH_AFTER if self._is_hidden(view) else PERSON_AFTER)
         found = None
         if self._searches and attempt is not None:
@@ -97,17 +95,20 @@ class TargetMemory:
             now = place = found
             self._doubt.begin_again()
             view, _ = likeness_at(self._looks, pyramid, place.centre, place.size)
-        elif now is None and place.likeness >= UNSURE and (correction := self._correction(view)):
+        known = self._looks
+        likeness = known.follow(view, place.likeness) if isinstance(known, KnownPerson) else place.likeness
+        self._missed = 0 if likeness >= UNSURE else self._missed + 1
+        if now is None and likeness >= UNSURE and (correction := self._correction(view)):
             now = place = moved(place, correction, SETTLED)
-        trust = ramp(place.likeness, UNSURE, SURE)
+        trust = ramp(likeness, UNSURE, SURE)
         if trust > 0.0:
             self._centre, self._size = place.centre, place.size
-            if not (self._doubt and isinstance(self._looks, KnownPerson)):
-                self._looks.learn(view, trust)
+            if not (self._doubt and isinstance(known, KnownPerson)) or likeness > place.likeness:
+                known.learn(view, trust)
                 self._learn_colours(pyramid, COLOUR_RATE * trust)
         return Judgement(
-            ramp(place.likeness, UNLIKE, 1.0),
-            place.likeness < UNSURE and self._is_hidden(view),
+            ramp(likeness, UNLIKE, 1.0),
+            likeness < UNSURE and self._is_hidden(view),
             None if now is None else _box(now),
             found is not None,
         )
@@ -133,9 +134,8 @@ class TargetMemory:
 
     def _find(self, image: Image, pyramid: ImagePyramid, likeness: float, box: Box, attempt: int) -> Place | None:
         """The place most like the target that it can have reached, if it is alike enough and not the estimate's."""
-        reach = (REACH + REACH_RATE * self._missed) * float(self._size[1])
-        within = self._centre, reach
-        places = search(image, pyramid, self._looks, self._colours, self._size, attempt=attempt, within=within)
+        reach = Reach(self._centre, self._size, self._missed)
+        places = search(image, pyramid, self._looks, self._colours, reach, attempt)
         if not places:
             return None
         best = places[0]

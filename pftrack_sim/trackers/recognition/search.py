@@ -46,8 +46,34 @@ GRID, POINTS = 0.4, 300
 """Distance of the points from which people are looked for, in their heights, and how many there are at most."""
 PEOPLE, LOOKS, APART = 8, 2, 0.3
 """Most people who are looked at closely, how many times, and their least distance, in heights."""
+REACH, REACH_RATE, GROWTH, GROWTH_RATE = 1.5, 0.1, 0.2, 0.02
+"""How far a target is searched, in heights, and in which sizes, as the logarithm of their ratio: at once, and for each
+frame since it was last alike."""
 WIDTH_PX, SEARCHED = 10.0, 3
 """Width of the target in the image that is searched by colour, and places taken at each size."""
+
+
+class Reach(NamedTuple):
+    """Where a target can be: around a `(2,)` centre [px], at about its last `(2,)` size [px], so long after.
+
+    Attributes:
+        missed: Frames since it was last alike; infinite for a target that may be anywhere.
+    """
+
+    centre: FloatArray
+    size: FloatArray
+    missed: float
+
+    @property
+    def distance_px(self) -> float:
+        """Distance from the centre that the target can have gone."""
+        return (REACH + REACH_RATE * self.missed) * float(self.size[1])
+
+    def holds(self, place: Place) -> bool:
+        """Whether the target can have come to a place."""
+        growth = abs(math.log(float(place.size[1] / self.size[1])))
+        near = math.dist(place.centre, self.centre) <= self.distance_px
+        return near and growth <= GROWTH + GROWTH_RATE * self.missed
 
 
 class Place(NamedTuple):
@@ -112,50 +138,39 @@ def search(
     pyramid: ImagePyramid,
     looks: Looks,
     colours: ColourModel,
-    size: FloatArray,
-    *,
+    reach: Reach,
     attempt: int,
-    within: tuple[FloatArray, float] | None = None,
 ) -> list[Place]:
     """Places of people or, for other targets, with the target's colours, the most alike first.
 
-    Their sizes are about its last `(2,)` size [px], at `PEOPLE_ZOOMS` or at `SCALES` of one of `ZOOMS`, which the
-    number of the search since the target was last sure chooses. Centres are no farther from a point than a distance
-    [px], if `within` names both.
+    Their sizes are about its last one, at `PEOPLE_ZOOMS` or at `SCALES` of one of `ZOOMS`, which the number of the
+    search since the target was last sure chooses. People are only where the target can have come to.
     """
     if isinstance(looks, KnownPerson):
-        return sorted(_people(image, pyramid, looks, size, attempt, within), key=lambda one: -one.likeness)
+        return sorted(_people(image, pyramid, looks, reach, attempt), key=lambda one: -one.likeness)
     found: list[Place] = []
     zoom = ZOOMS[attempt % len(ZOOMS)] if attempt >= ZOOMS_AFTER else 1.0
-    for wanted in (zoom * scale * size for scale in SCALES):
+    for wanted in (zoom * scale * reach.size for scale in SCALES):
         if not LEAST_PX < wanted[1] < MOST * image.shape[0]:
             continue
         for centre in _colour_peaks(image, colours, wanted):
-            if within is None or math.dist(centre, within[0]) <= within[1]:
+            if math.dist(centre, reach.centre) <= reach.distance_px:
                 found.append(Place(likeness_at(looks, pyramid, centre, wanted)[1], wanted, centre))
     return sorted(found, key=lambda one: -one.likeness)
 
 
-def _people(
-    image: Image,
-    pyramid: ImagePyramid,
-    known: KnownPerson,
-    size: FloatArray,
-    attempt: int,
-    within: tuple[FloatArray, float] | None,
-) -> list[Place]:
+def _people(image: Image, pyramid: ImagePyramid, known: KnownPerson, reach: Reach, attempt: int) -> list[Place]:
     """People whom the network sees from the points of a grid, each looked at again where it says that they are."""
     found: list[Place] = []
     for zoom in PEOPLE_ZOOMS[attempt % len(PEOPLE_ZOOMS)]:
-        wanted = zoom * size
+        wanted = zoom * reach.size
         height = float(wanted[1])
         if not LEAST_PX < height < MOST * image.shape[0]:
             continue
         step = max(GRID * height, math.sqrt(image.shape[0] * image.shape[1] / POINTS))
         across, down = (np.arange(0.5 * step, side, step) for side in image.shape[1::-1])
         grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
-        if within is not None:
-            grid = grid[np.hypot(*(grid - within[0]).T) <= within[1]]
+        grid = grid[np.hypot(*(grid - reach.centre).T) <= reach.distance_px]
         for centre, view in zip(grid, look_at_all(pyramid, grid, height), strict=True):
             if (off := known.off(view)) is not None:
                 found.append(moved(Place(view.person * view.visible, wanted, centre), off))
@@ -166,7 +181,8 @@ def _people(
             for _ in range(LOOKS):
                 off = known.off(look(pyramid, place.centre, place.size))
                 place = place if off is None else moved(place, off)
-            places.append(place._replace(likeness=likeness_at(known, pyramid, place.centre, place.size)[1]))
+            if reach.holds(place):
+                places.append(place._replace(likeness=likeness_at(known, pyramid, place.centre, place.size)[1]))
     return places
 
 
