@@ -1,7 +1,7 @@
 """Train the network by which `pftrack` knows people: where in a box a person is, how much can be seen, and who it is.
 
     pip install 'pftrack-sim[learn]'
-    python examples/train_person.py --seeds 200:208 --steps 3000 --out person.onnx
+    python examples/train_person.py --seeds 200:213 --steps 4700 --out person.onnx
 
 The simulator knows the box, the identity and the cover of every person it draws. Boxes are displaced and scaled at
 random, and the network learns by how much (a regression, as in Ren et al. 2015), which share of the person can be seen,
@@ -256,8 +256,8 @@ def train(crops: list[Crop], steps: int) -> Network:
 def main() -> None:
     """Draw, train, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", default="200:208", help="FIRST:END of the scenarios' seeds")
-    parser.add_argument("--steps", type=int, default=3000, help="of training")
+    parser.add_argument("--seeds", default="200:213", help="FIRST:END of the scenarios' seeds")
+    parser.add_argument("--steps", type=int, default=4700, help="of training")
     parser.add_argument("--out", default="person.onnx")
     given = parser.parse_args()
     first, end = (int(part) for part in given.seeds.split(":"))
