@@ -106,7 +106,6 @@ def test_a_video_stands_for_the_images_and_is_read_back(tmp_path: Path, layout: 
     if layout == "mot":
         assert "imExt=.mp4" in (folder / "seqinfo.ini").read_text()
     read = read_sequence(folder)
-    pictures = [read.image(index) for index in range(len(read))]
     assert (len(read), read.name) == (len(episode), names[0])
     for index in (0, len(episode) - 1, 5):
         difference = read.image(index).astype(float) - episode[index].image
@@ -117,11 +116,7 @@ def test_a_video_stands_for_the_images_and_is_read_back(tmp_path: Path, layout: 
     video.rename(video.with_name(".frames.mp4.part"))
     folder.rename(folder.with_name(f".{names[0]}.part"))
     export(plan([3, 4]), out, layout, image="mp4", quality=5, maps=["masks"])
-    again = files(out)
-    assert again.keys() == whole.keys()
-    # An encoder does not promise the same bytes, but the same pictures.
-    assert [name for name in whole if again[name] != whole[name] and not name.endswith(".mp4")] == []
-    np.testing.assert_array_equal([read_sequence(folder).image(index) for index in range(len(read))], pictures)
+    assert files(out) == whole
 
 
 def test_a_video_of_odd_images_is_refused(tmp_path: Path):
