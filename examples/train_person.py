@@ -42,7 +42,7 @@ RATE = 2e-3  # Of learning
 
 
 class Crop(NamedTuple):
-    """A crop around a box, and what is true of it; `person` is the number of who it is, -1 where nobody is."""
+    """A crop around a box, and the truth of it; `person` is the index of the person in the episode, -1: background."""
 
     pixels: NDArray[np.uint8]
     episode: int
@@ -137,8 +137,8 @@ class Patches:
         self.pixels = torch.from_numpy(np.stack([crop.pixels for crop in crops])).to(device)
         self.visible = np.array([crop.visible for crop in crops])
         self.aspect = np.array([crop.aspect for crop in crops])
-        nobody = np.array([crop.person < 0 for crop in crops])
-        self.people, self.grounds = np.flatnonzero(~nobody), np.flatnonzero(nobody)
+        background = np.array([crop.person < 0 for crop in crops])
+        self.people, self.grounds = np.flatnonzero(~background), np.flatnonzero(background)
         views: dict[tuple[int, int], list[int]] = {}
         for index in self.people.tolist():
             if self.visible[index] > PLAIN:

@@ -24,7 +24,7 @@ MOTION_S = 1.0  # Time over which the target's motion on the ground is measured
 LEAD_S = 1.2  # The target is assumed to have walked on for this time: past the edge that hid it
 WALKS_S = 3.0  # It is looked for where it would be by now if it walked on, for as long as this
 ARRIVED_M = 0.5  # The place is reached this far before it ...
-BODY_M = 0.5  # ... but for a place where something no wider than a person ends the beams: it is looked at from afar
+BODY_M = 0.5  # ... unless beams end within this of it and none in a ring of twice this around it: a person stands there
 STUCK_S, STUCK_M_S = 1.5, 0.15
 """The search goes on from where the robot stands after it has been slower than this for this time, facing its way."""
 FACES_RAD = math.radians(45.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal, TypeAlias
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
@@ -115,16 +116,7 @@ class FurtherCamera(Section):
         """`(4, 4)` its pose in the axes of the first one (x right, y down, z forward)."""
         pan, tilt, roll = (math.radians(angle) for angle in (-self.pan_deg, self.tilt_deg, self.roll_deg))
         pose = np.eye(4)
-        pose[:3, :3] = _turned(1, pan) @ _turned(0, tilt) @ _turned(2, roll)
+        turns = (cv2.Rodrigues(np.array(turn))[0] for turn in ((0.0, pan, 0.0), (tilt, 0.0, 0.0), (0.0, 0.0, roll)))
+        pose[:3, :3] = np.linalg.multi_dot(list(turns))
         pose[:3, 3] = -self.left_m, -self.up_m, self.ahead_m
         return pose
-
-
-def _turned(axis: int, angle_rad: float) -> NDArray[np.float64]:
-    """`(3, 3)` rotation about an axis."""
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    rotation = np.eye(3)
-    rotation[[first, second], [first, second]] = math.cos(angle_rad)
-    rotation[second, first] = math.sin(angle_rad)
-    rotation[first, second] = -math.sin(angle_rad)
-    return rotation

@@ -10,11 +10,11 @@ import numpy as np
 from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.env import TrackAndFollowEnv
-from pftrack_sim.trackers.recognition.person import KnownPerson
+from pftrack_sim.trackers.recognition.person import SURE, UNSURE, KnownPerson
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
-from pftrack_sim.trackers.recognition.search import SURE, UNSURE, ramp
+from pftrack_sim.trackers.recognition.search import ramp
 
-COURSES, SEEDS = ("corridor", "plaza", "street", "warehouse"), (30, 31)
+COURSES, SEEDS = ("corridor", "plaza", "street", "warehouse"), range(30, 46)
 EVERY, FROM_S, KEPT = 4, 5.0, 0.95  # Frames, start of what counts, and share of the target's views that are kept
 SIZE = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 15}
 

@@ -11,9 +11,9 @@ from pftrack_sim.core.records import Frame
 from pftrack_sim.scenario import load
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.recognition.colour import ColourModel
-from pftrack_sim.trackers.recognition.person import KnownPerson, look
+from pftrack_sim.trackers.recognition.person import SURE, KnownPerson, look
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
-from pftrack_sim.trackers.recognition.search import SURE, Place, Reach, search
+from pftrack_sim.trackers.recognition.search import Place, Reach, search
 
 SEED = 3  # The network was trained on 200 to 212
 
@@ -66,7 +66,7 @@ def test_views_of_a_person_are_more_alike_than_those_of_another(frames: list[Fra
     assert np.median(likeness[True]) > np.quantile(likeness[False], 0.9)
 
 
-def test_a_view_that_goes_on_from_certain_ones_stays_the_person_for_a_while(frames: list[Frame]):
+def test_a_person_who_becomes_unlike_gradually_is_followed_for_a_while(frames: list[Frame]):
     first = in_full_view(frames)[0]
     pyramid, box = ImagePyramid(first.image), first.truth.amodal_box
     known = KnownPerson.found(pyramid, boxes.centre(box), box[2:])
@@ -79,11 +79,11 @@ def test_a_view_that_goes_on_from_certain_ones_stays_the_person_for_a_while(fram
     assert all(after <= before for before, after in itertools.pairwise(followed))
     assert followed[-1] == unlike, "not for ever"
     assert known.follow(view, 0.97) == 0.97
-    assert known.follow(view, 0.6) == 0.6, "what is foreign is not the person"
+    assert known.follow(view, 0.6) == 0.6, "a view at which the confidence is 0 ends it"
     assert known.follow(view, unlike) == unlike
     assert known.follow(view, 0.97) == 0.97
     other = view._replace(identity=-view.identity)
-    assert known.follow(other, unlike) == unlike, "another person does not go on from the views before"
+    assert known.follow(other, unlike) == unlike, "so does a sudden change to another person"
 
 
 def test_a_lost_person_is_not_found_where_nobody_can_have_walked_to():

@@ -103,7 +103,7 @@ class Crowd:
             self._headings[person] = member.reset(self._state[person], self.target_s_m, self._state[0, :2])
             occupied.append(self._state[person, :2].copy())
         if robot_start_m is not None:
-            # Nobody starts between the robot and the target: the first box holds the target.
+            # The line of sight at the start is kept free: the first box holds the target, not somebody in front.
             start_m = np.asarray(robot_start_m, dtype=np.float64)
             occupied += list(np.linspace(start_m, self._state[0, :2], _SIGHT_POINTS))
         for person in range(1, 1 + distractors.count):

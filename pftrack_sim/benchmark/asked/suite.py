@@ -158,7 +158,7 @@ class Suite(Section):
         """What of it is run in closed or in open loop; open without tables and claims about following.
 
         Raises:
-            ParameterError: Nothing.
+            ParameterError: No part of it is in that loop.
         """
         run = tuple(one for one in self.run if one.loop != ("open" if closed else "closed"))
         if not run:

@@ -6,8 +6,8 @@ overlap     overlap times 250; 255 where there is none
 moment      bit 0: the frame is scored; the next: what happens around it, in the order of `losses.TAGS`
 luminance   the target's luminance times 255; 0 where it has none
 
-The metadata tell suite, tracker, code, versions and machines, and a digest of the rows. It finds accidents; whoever
-changes rows and digest is found by `verification`.
+The metadata tell suite, tracker, code, versions and machines, and a digest of the rows. The digest detects accidental
+changes; rows that were changed together with it are detected by `verification`.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ def verify(
 
     Args:
         submission: The submission.
-        seed: Chooses the episodes; whoever submits must not know it.
+        seed: Of the random choice of episodes; not known to the submitter.
         workers: Local processes; 0 runs all in this one.
         share: How many there are for each that is played again.
         isolation: As in `run`.

@@ -21,7 +21,7 @@ from pftrack_sim.trackers.pftrack.hog_map import CELL_PX
 from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.parts import PartColours, describe
-from pftrack_sim.trackers.recognition.person import KnownPerson
+from pftrack_sim.trackers.recognition.person import SURE, UNLIKE, UNSURE, KnownPerson
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import (
     COMPARED,
@@ -30,9 +30,6 @@ from pftrack_sim.trackers.recognition.search import (
     PERSON_AFTER,
     SEARCH_AFTER,
     SETTLED,
-    SURE,
-    UNLIKE,
-    UNSURE,
     Doubt,
     Looks,
     Reach,

@@ -17,7 +17,7 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.parts import PartColours, describe
-from pftrack_sim.trackers.recognition.person import KnownPerson, PersonView
+from pftrack_sim.trackers.recognition.person import SURE, UNLIKE, UNSURE, KnownPerson, PersonView
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import (
     FOUND,
@@ -25,9 +25,6 @@ from pftrack_sim.trackers.recognition.search import (
     PERSON_AFTER,
     SEARCH_AFTER,
     SETTLED,
-    SURE,
-    UNLIKE,
-    UNSURE,
     Doubt,
     Place,
     Reach,

@@ -25,9 +25,9 @@ REACH = 1.5  # Height of a patch, in heights of the box
 
 IS_PERSON = 0.5  # Least probability of a person
 PART = 0.4  # Least visible share of a person whose place and size are measured
-FILLS, WIDE = (0.2, 0.35), 0.55
-"""A person whose first box is off by more, in shift and growth, is not what was selected, and a box that is wider than
-this share of its height holds none, or a part of one: a face, say."""
+FILLS = (0.2, 0.35)
+"""A person whose first box is off by more, in shift and growth, is not what was selected."""
+WIDEST = 0.55  # Width over height of a first box: a wider one holds something else, or only a face
 SLACK = (0.04, 0.1)
 """Views of people vary by so much in shift and growth: nothing is corrected up to there."""
 
@@ -37,12 +37,15 @@ SLOPE = 1.08
 """Of the likeness over the vectors' product: a product of 0.88 of the usual one is as alike as colours of 0.87."""
 STRETCH = 1.45
 """Of the mean of both likenesses, so that 0.87 lies between the target's views and those of other people."""
-RECENT, SAME = 0.07, 0.93
-"""Weight of a new view in the mean of those just before it, and the least product with that mean of a view that goes on
-from them: 97 in 100 of a person's views have more, and fewer than 1 in 100 of another person's."""
-CERTAIN, FADE, FOREIGN = 0.95, 0.0012, 0.7
-"""Likeness from which views that go on from each other are certain to be the target's, what it loses a frame, and below
-which no view is the target's."""
+UNSURE, SURE = 0.87, 0.95
+"""Likeness below which a box does not hold the target, and from which on it does; between the two the target is learnt
+more slowly."""
+UNLIKE = 0.7
+"""Likeness at which the confidence is 0."""
+RECENT, CONTINUOUS = 0.07, 0.93
+"""Weight of a new view in the short-term mean of the identity, and its least product with that mean if it is a view of
+the same person."""
+FADE = 0.0012  # Most that the likeness of a person who is followed without a break falls in a frame
 COVERED = 0.79
 """Likeness of a person of whom nothing is seen, from which it grows with the visible share."""
 
@@ -92,8 +95,7 @@ def look_at_all(pyramid: ImagePyramid, centres: FloatArray, height_px: float) ->
 class KnownPerson:
     """Running means of a person's identity and colours, and of the likeness that views usually have with them.
 
-    The two err on different people: both together take half as many views of others for the target as the better one
-    alone (docs/pftrack.md).
+    How well each and both tell a target from other people: docs/pftrack.md.
     """
 
     def __init__(self, first: PersonView) -> None:
@@ -101,7 +103,7 @@ class KnownPerson:
         self._first = first
         self._mean, self._parts = first.identity.copy(), PartColours(first.parts)
         self._usual, self._count = FIRST_LIKENESS, 1
-        self._recent, self._certain = first.identity.copy(), CERTAIN
+        self._recent, self._carried = first.identity.copy(), SURE
 
     @classmethod
     def found(cls, pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> KnownPerson | None:
@@ -109,7 +111,7 @@ class KnownPerson:
         view = _described(pyramid, centre, size)
         shift, growth = FILLS
         fills = abs(view.growth) < growth and float(np.abs(view.shift).max()) < shift
-        fills = fills and float(size[0]) < WIDE * float(size[1])
+        fills = fills and float(size[0]) < WIDEST * float(size[1])
         return cls(view) if fills and view.person > IS_PERSON and view.visible > PART else None
 
     def describe(self, pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> PersonView:
@@ -123,20 +125,23 @@ class KnownPerson:
         return min(1.0 - STRETCH * (1.0 - 0.5 * (identity + colours)), COVERED + 1.25 * (1.0 - COVERED) * seen)
 
     def follow(self, found: PersonView, likeness: float) -> float:
-        """The likeness of the next view in the box that is followed, of which `likeness` is that with the person.
+        """The likeness of the followed box in the next frame; `likeness` is that of its view with the long-term means.
 
-        Who turns or walks into shade becomes unlike in small steps; another person in the box is another at once. So
-        the likeness falls only slowly from where it was certain, as long as each view goes on from those just before
-        (a memory for short beside that for long: Ye et al. 2023, arXiv:2309.11727).
+        A person who turns or walks into shade becomes unlike the long-term means gradually; a change to another person
+        is sudden. From `SURE` on, the likeness therefore falls by `FADE` a frame at most, as long as the identity stays
+        close to its short-term mean (short- and long-term memory: Ye et al. 2023, arXiv:2309.11727).
         """
-        goes_on = float(found.identity @ self._recent) >= SAME * float(np.linalg.norm(self._recent))
-        goes_on = goes_on and likeness > FOREIGN and not self.is_covered(found)
+        continuous = (
+            float(found.identity @ self._recent) >= CONTINUOUS * float(np.linalg.norm(self._recent))
+            and likeness > UNLIKE
+            and not self.is_covered(found)
+        )
         self._recent += np.float32(RECENT) * (found.identity - self._recent)
-        if likeness >= CERTAIN:
-            self._certain = CERTAIN
+        if likeness >= SURE:
+            self._carried = SURE
         else:
-            self._certain = self._certain - FADE if goes_on else 0.0
-        return max(likeness, self._certain)
+            self._carried = self._carried - FADE if continuous else 0.0
+        return max(likeness, self._carried)
 
     def learn(self, found: PersonView, trust: float) -> None:
         """Learn a view of the person with weight `trust` in [0, 1]."""

@@ -12,16 +12,11 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.parts import PartColours
-from pftrack_sim.trackers.recognition.person import KnownPerson, look, look_at_all
+from pftrack_sim.trackers.recognition.person import SURE, UNSURE, KnownPerson, look, look_at_all
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 Looks = KnownPerson | PartColours
 
-UNSURE, SURE = 0.87, 0.95
-"""Likeness below which a box does not hold the target, and from which on it does; between the two the target is learnt
-more slowly."""
-UNLIKE = 0.7
-"""Likeness at which the confidence is 0."""
 SEARCH_AFTER, SEARCH_INTERVAL = 6, 3
 """Frames in doubt until the whole image is searched, and from one search to the next."""
 PERSON_AFTER = 15
@@ -47,17 +42,19 @@ GRID, POINTS = 0.4, 300
 PEOPLE, LOOKS, APART = 8, 2, 0.3
 """Most people who are looked at closely, how many times, and their least distance, in heights."""
 REACH, REACH_RATE, GROWTH, GROWTH_RATE = 1.5, 0.1, 0.2, 0.02
-"""How far a target is searched, in heights, and in which sizes, as the logarithm of their ratio: at once, and for each
-frame since it was last alike."""
+"""Greatest distance at which a target is searched, in its heights, and greatest logarithm of the ratio of sizes: right
+after it was lost, and what each further frame adds."""
 WIDTH_PX, SEARCHED = 10.0, 3
 """Width of the target in the image that is searched by colour, and places taken at each size."""
 
 
 class Reach(NamedTuple):
-    """Where a target can be: around a `(2,)` centre [px], at about its last `(2,)` size [px], so long after.
+    """Where a lost target can be, and how large.
 
     Attributes:
-        missed: Frames since it was last alike; infinite for a target that may be anywhere.
+        centre: `(2,)` its last centre [px].
+        size: `(2,)` its last size [px].
+        missed: Frames since then; infinite for a target that may be anywhere.
     """
 
     centre: FloatArray
@@ -66,11 +63,11 @@ class Reach(NamedTuple):
 
     @property
     def distance_px(self) -> float:
-        """Distance from the centre that the target can have gone."""
+        """Greatest distance from the last centre."""
         return (REACH + REACH_RATE * self.missed) * float(self.size[1])
 
     def holds(self, place: Place) -> bool:
-        """Whether the target can have come to a place."""
+        """Whether a place is near enough, and about as large."""
         growth = abs(math.log(float(place.size[1] / self.size[1])))
         near = math.dist(place.centre, self.centre) <= self.distance_px
         return near and growth <= GROWTH + GROWTH_RATE * self.missed
@@ -144,7 +141,7 @@ def search(
     """Places of people or, for other targets, with the target's colours, the most alike first.
 
     Their sizes are about its last one, at `PEOPLE_ZOOMS` or at `SCALES` of one of `ZOOMS`, which the number of the
-    search since the target was last sure chooses. People are only where the target can have come to.
+    search since the target was last sure chooses. Their centres are within reach, of people their sizes as well.
     """
     if isinstance(looks, KnownPerson):
         return sorted(_people(image, pyramid, looks, reach, attempt), key=lambda one: -one.likeness)
