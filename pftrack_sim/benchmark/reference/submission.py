@@ -166,7 +166,8 @@ def make_submission(stores: Sequence[RunStore], tracker: str | None = None) -> S
     if len(common) != 1:
         given = ", ".join(str(store.path) for store in stores)
         raise ParameterError(
-            f"a submission is of one frozen suite, such as {newest('standard')}; {given} share {common}"
+            f"a submission is of one frozen suite, such as {newest('standard')}; got {given}, of "
+            f"{' and '.join(common) or 'no common one'}"
         )
     (name,) = common
     kinds = sorted(store.plan.kind for store in stores)
