@@ -192,10 +192,11 @@ class Robot(Section):
     camera_rpy_deg: tuple[Angle, Angle, Angle] | None = setting(
         None, "Roll, pitch and yaw by which it is turned in the axes of that link: x forward, y left, z up."
     )
-    drive: Literal["planar", "omni", "differential"] = setting(
+    drive: Literal["planar", "omni", "differential", "motors"] = setting(
         "planar",
         "How its base moves. 'differential': forwards, and about the middle of its axle; 'planar' and 'omni': without "
-        "a pan joint its body turns to the target whatever its course.",
+        "a pan joint its body turns to the target whatever its course; 'motors': by the motors, wheels, springs and "
+        "masses of its file, with the names of our own robot's.",
     )
     wheels: tuple[str, str] | None = setting(None, "Joints of its left and right wheel: the middle, track and radius.")
     pan: str | None = setting(None, "Its joint that pans the camera, or 'none'; left out, the nearest upright hinge.")
@@ -224,6 +225,9 @@ class Robot(Section):
         given = [key for key in _ROLES if getattr(self, key) != type(self).model_fields[key].default]
         if self.model is None and given:
             raise ValueError(f"{', '.join(given)}: about the file of a robot: set robot.model, too")
+        if self.drive == "motors" and given != ["drive"]:
+            given.remove("drive")
+            raise ValueError(f"{', '.join(given)}: has no effect with drive = 'motors', which takes the file as it is")
         return self
 
     @property

@@ -16,6 +16,7 @@ from robot_files import EYE, LENS_AT, MJCF, PAN_AT, TILT_AT, URDF, stl, write_mj
 
 from pftrack_sim import controllers, policies, scenario
 from pftrack_sim.core import boxes
+from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_M, RANGES
 from pftrack_sim.core.records import Estimate
@@ -274,6 +275,51 @@ def test_links_are_listed_from_above(tmp_path: Path):
     with simulation(write_mjcf(tmp_path, MJCF.replace(EYE, ""))) as own, pytest.raises(ScenarioError) as caught:
         own.reset(0)
     assert "(it has: face, neck, " in str(caught.value)
+
+
+def test_the_robot_that_ships_is_a_file_like_any_other(tmp_path: Path):
+    text = (assets_dir() / "robot.xml").read_text()
+    copy, heavy = tmp_path / "copy.xml", tmp_path / "heavy.xml"
+    copy.write_text(text)
+    heavy.write_text(text.replace('mass="9"', 'mass="19"').replace('pos="0 0.19 ', 'pos="0 0.22 '))
+    poses, sensed, levels = [], [], []
+    for keys in (
+        {},
+        {"robot.model": str(copy), "robot.drive": "motors"},
+        {"robot.model": str(heavy), "robot.drive": "motors"},
+    ):
+        with Simulation(scenario.load("plaza-walk", {**QUIET, **keys}), image=False) as own:
+            levels.append(own.reset(0).truth.T_world_camera[2, 3])
+            for _ in range(45):
+                pose = own.advance(np.array([0.6, 0.3, 0.2, 0.1])).truth.T_world_camera
+            poses.append(pose.tobytes())
+            sensed.append(own.world.proprio().tobytes())
+            track_m = own.world.robot.drive.track_m
+    assert poses[0] == poses[1] != poses[2]
+    assert sensed[0] == sensed[1]
+    assert np.ptp(levels) < 1e-3  # its springs carry ten kilograms more, level
+    assert track_m == pytest.approx(0.41)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "keys", "message"),
+    [
+        ('<joint name="tilt"', '<joint name="nod"', {}, r"cannot be compiled|lacks joint 'tilt'"),
+        ('<camera name="camera"', '<camera name="eye"', {}, r"names of our own robot's file; it lacks camera 'camera'"),
+        ('user="0.2"', 'user="0.1"', {}, r"share of the sprung weight, together 1"),
+        ('<freejoint name="free"/>', "", {}, r"needs a free joint of 'base'"),
+        ("", "", {"robot.pan": "pan"}, r"pan: has no effect with drive = 'motors'"),
+    ],
+)
+def test_a_file_with_motors_that_lacks_something_is_one_message(old, new, keys, message, tmp_path: Path):
+    file = tmp_path / "mine.xml"
+    file.write_text((assets_dir() / "robot.xml").read_text().replace(old, new))
+    wanted = {**QUIET, "robot.model": str(file), "robot.drive": "motors", **keys}
+    with (
+        pytest.raises(ScenarioError, match=message),
+        Simulation(scenario.load("plaza-walk", wanted), image=False) as own,
+    ):
+        own.reset(0)
 
 
 def test_a_mesh_of_millions_of_triangles_is_refused_before_it_is_compiled(tmp_path: Path):

@@ -16,7 +16,8 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
 from pftrack_sim.scenario.camera import Camera
 from pftrack_sim.scene.layout import GROUND, HIDDEN_GROUP, body_owners
-from pftrack_sim.scene.robot import BASE, CAMERA, CASTER_SHARE, GRAVITY_M_S2, REST_YAW_RAD
+from pftrack_sim.scene.robot import BASE, CAMERA, REST_YAW_RAD
+from pftrack_sim.scene.robot_file.motorised import GRAVITY_M_S2, wheel_share
 
 ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
 """Limits of the change of forward speed [m/s^2], turn, pan and tilt rate [rad/s^2]."""
@@ -133,14 +134,14 @@ class Drive:
         self._owners: list[str] = [owners[body] for body in model.geom_bodyid.tolist()]
         self._own_geoms = model.body_rootid[model.geom_bodyid] == self._base
         self._ignored_geoms = self._own_geoms | np.array([owner == GROUND for owner in self._owners])
-        self._planar = _is_planar(model)
-        self._base_motors = [model.actuator(name).id for name in _PLANAR_MOTORS] if self._planar else []
+        self.planar = _is_planar(model)
+        """Whether the base slides on the ground by strong servos, without wheels and springs of its own."""
+        self._base_motors = [model.actuator(name).id for name in _PLANAR_MOTORS] if self.planar else []
         low, high = self._head_range[0]
-        self.turns_with_head = self._planar and high - low < _STUCK_RAD
+        self.turns_with_head = self.planar and high - low < _STUCK_RAD
         # The inner wheel lifts when m a h = F track, with F the load of one wheel at rest.
-        share = WHEEL_UNLOADING_SHARE * GRAVITY_M_S2 * (0.5 - CASTER_SHARE)
-        lateral_m_s2 = share * self._wheels.track_m / self._equilibrium.centre_of_mass_m
-        self._max_lateral_m_s2 = math.inf if self._planar else lateral_m_s2
+        share = math.inf if self.planar else WHEEL_UNLOADING_SHARE * GRAVITY_M_S2 * wheel_share(model)
+        self._max_lateral_m_s2 = share * self._wheels.track_m / self._equilibrium.centre_of_mass_m
         self._reset_references()
 
     def _reset_references(self) -> None:
@@ -165,7 +166,7 @@ class Drive:
         base = data.qpos[self._free : self._free + 7]
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         base[:2] = x_m + cos * rest[0] - sin * rest[1], y_m + sin * rest[0] + cos * rest[1]
-        if self._planar:
+        if self.planar:
             base[2] = heading_rad
         else:
             turn, turned = np.array([math.cos(heading_rad / 2), 0, 0, math.sin(heading_rad / 2)]), np.empty(4)
@@ -219,7 +220,7 @@ class Drive:
             self._head[axis] = min(max(min(max(moved, angle - WINDUP_RAD), angle + WINDUP_RAD), low), high)
         wheels = (forward - half) / self._wheels.left_radius_m, (forward + half) / self._wheels.right_radius_m
         data.ctrl[self._motors] = [*wheels, *self._head]
-        if self._planar:
+        if self.planar:
             # In the middle of the time for which it holds.
             heading = places[self._free + 2] + 0.5 * duration_s * turn
             data.ctrl[self._base_motors] = forward * math.cos(heading), forward * math.sin(heading), turn
@@ -227,7 +228,7 @@ class Drive:
     def pose(self, data: mujoco.MjData) -> tuple[float, float, float]:
         """x, y [m] of the middle of the axle and heading [rad] in [-pi, pi], world frame."""
         x, y, third, qw, qx, qy, qz = data.qpos[self._free : self._free + 7].tolist()
-        if self._planar:
+        if self.planar:
             return x, y, math.remainder(third, 2.0 * math.pi)
         return x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
 

@@ -14,7 +14,7 @@ from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import JitterAxis
 from pftrack_sim.scenario.robot import Sills
-from pftrack_sim.scene.robot import SUSPENSIONS
+from pftrack_sim.scene.robot_file.motorised import SUSPENSIONS
 
 ROUGHNESS_M3 = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6}
 """G_d(n_0): displacement power spectral density at `REFERENCE_CYCLES_M`, geometric mean of each class (ISO 8608)."""

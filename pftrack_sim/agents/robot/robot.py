@@ -92,7 +92,7 @@ class Robot:
     def set_road(self, settings: ResolvedScenario, seed: int) -> None:
         """Drive on the road of these settings from now on."""
         jitter, sills = settings.axes.jitter, settings.robot.sills
-        rough = (jitter.roughness > 0.0 or sills.height_mm > 0.0) and settings.robot.model is None
+        rough = (jitter.roughness > 0.0 or sills.height_mm > 0.0) and not self.drive.planar
         self._road = RoadExcitation(self._model, jitter, sills, seed) if rough else None
 
     def reset(self, data: mujoco.MjData) -> None:

@@ -31,6 +31,27 @@ def compile_file(model: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
     Raises:
         ParameterError: It cannot be read, is neither MJCF nor URDF, lacks a mesh, or is too large.
     """
+    spec, path = read_spec(model)
+    for body in spec.bodies[1:]:
+        body.explicitinertial, body.mass, body.inertia = True, _HARMLESS_KG, [_HARMLESS_KG_M2] * 3
+        body.ipos, body.iquat, body.fullinertia = [0.0] * 3, [1.0, 0.0, 0.0, 0.0], [np.nan] * 6
+    compiled: Any = compile_spec(spec, path)
+    data = mujoco.MjData(compiled)
+    if compiled.nkey:
+        mujoco.mj_resetDataKeyframe(compiled, data, 0)
+    return compiled, data
+
+
+def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
+    """Compile the spec of a file; what MuJoCo finds wrong raises `ParameterError`."""
+    try:
+        return spec.compile()
+    except (ValueError, FileNotFoundError) as error:
+        raise ParameterError(f"{path}: cannot be compiled: {one_line(str(error), 300)}") from None
+
+
+def read_spec(model: str) -> tuple[mujoco.MjSpec, Path]:
+    """The spec of the file at a path, or of `menagerie:NAME`, and its path; errors are those of `compile_file`."""
     path = _menagerie(model.removeprefix(MENAGERIE)) if model.startswith(MENAGERIE) else Path(model)
     try:
         text = read_bytes(path, _MAX_XML_BYTES).decode()
@@ -52,18 +73,11 @@ def compile_file(model: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
     try:
         spec = mujoco.MjSpec.from_file(str(path)) if root.tag == "mujoco" else _urdf(root, path)
         _check_meshes(spec, path)
-        for body in spec.bodies[1:]:
-            body.explicitinertial, body.mass, body.inertia = True, _HARMLESS_KG, [_HARMLESS_KG_M2] * 3
-            body.ipos, body.iquat, body.fullinertia = [0.0] * 3, [1.0, 0.0, 0.0, 0.0], [np.nan] * 6
-        compiled: Any = spec.compile()
     except (ValueError, FileNotFoundError) as error:
         if isinstance(error, ParameterError):
             raise
         raise ParameterError(f"{path}: cannot be compiled: {one_line(str(error), 300)}") from None
-    data = mujoco.MjData(compiled)
-    if compiled.nkey:
-        mujoco.mj_resetDataKeyframe(compiled, data, 0)
-    return compiled, data
+    return spec, path
 
 
 def _menagerie(name: str) -> Path:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
+from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.errors import ParameterError, did_you_mean
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.robot import Robot
@@ -38,10 +39,10 @@ class Roles:
     pose_deg: tuple[tuple[str, float], ...]
 
     @classmethod
-    def of(cls, robot: Robot) -> Roles | None:
-        """Those of a scenario; None for the robot that ships."""
+    def of(cls, robot: Robot) -> Roles:
+        """Those of a scenario; without a file, those of the robot that ships."""
         if robot.model is None:
-            return None
+            robot = robot.model_copy(update={"model": str(assets_dir() / "robot.xml"), "drive": "motors"})
         keys = (
             robot.camera_site,
             robot.camera_rpy_deg,
@@ -51,7 +52,12 @@ class Roles:
             robot.tilt,
             tuple(sorted(robot.pose_deg.items())),
         )
-        return cls(robot.model, robot.model_digest, *keys)
+        return cls(str(robot.model), robot.model_digest, *keys)
+
+    @property
+    def motorised(self) -> bool:
+        """Whether motors, wheels and masses of the file move it, not a base that is put under it."""
+        return self.drive == "motors"
 
 
 class Hinge(NamedTuple):

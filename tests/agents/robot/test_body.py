@@ -5,9 +5,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from pftrack_sim.scene import robot
+from pftrack_sim.scenario.robot import Robot, StillRoute
 from pftrack_sim.scene.layout import HIDDEN_ROBOT_GROUP, ROBOT_GROUP
-from pftrack_sim.scene.robot import CAMERA
+from pftrack_sim.scene.robot_file.motorised import GRAVITY_M_S2, mast_of
+from pftrack_sim.scene.robot_file.roles import Roles
+
+MOUNTS = ("mount-left", "mount-right", "caster-front", "caster-rear")
 
 
 @pytest.mark.parametrize("degree", [True, False])
@@ -78,18 +81,17 @@ def test_robot_is_out_of_the_camera_s_view_at_rest(lab: Callable, mount, fovy_de
             assert not owner.startswith("robot/"), owner
 
 
-def test_constants_repeat_the_mjcf_file(lab: Callable):
-    model = lab(height_m=1.25).model
-    mass_kg = {model.body(i).name.removeprefix("robot/"): model.body_mass[i] for i in range(model.nbody)}
-    position_m = {model.body(i).name.removeprefix("robot/"): model.body_pos[i] for i in range(model.nbody)}
-    mast = robot.Mast.for_camera(1.25, 0.0)
-    assert mass_kg["base"] == robot.BASE_KG
-    assert mass_kg["mast"] == pytest.approx(robot.FOOT_KG + mast.pole_kg, abs=1e-12)
-    assert (mass_kg["pan"], mass_kg["head"]) == (robot.PAN_KG, robot.HEAD_KG)
-    assert position_m["mast"][2] == robot.DECK_M
-    assert position_m["head"][2] == robot.NECK_M
-    assert model.camera(CAMERA).pos[0] == robot.LENS_M
-    assert -model.opt.gravity[2] == robot.GRAVITY_M_S2
+@pytest.mark.parametrize("height_m", [0.6, 1.25])
+def test_what_the_file_says_of_the_mast_is_what_is_compiled(lab: Callable, height_m: float):
+    model = lab(height_m=height_m).model
+    mast = mast_of(Roles.of(Robot(route=StillRoute(kind="still"))))
+    pole_kg = mast.kg_m * mast.length_m(height_m, 0.0)
+    base, pan = (model.body(f"robot/{name}") for name in ("base", "pan"))
+    unsprung = sum(model.body(f"robot/{name}").subtreemass[0] for name in MOUNTS)
+    assert mast.carried_kg(pole_kg) == pytest.approx(base.subtreemass[0] - unsprung, abs=1e-12)
+    assert mast.head_kg == pan.subtreemass[0]
+    assert pan.pos[2] == mast.length_m(height_m, 0.0)
+    assert -model.opt.gravity[2] == GRAVITY_M_S2
 
 
 @pytest.mark.parametrize(("height_m", "geoms"), [(0.7, 1), (1.25, 3)])

@@ -20,8 +20,9 @@ from pftrack_sim.agents.robot.road import (
     sill_profile,
 )
 from pftrack_sim.scenario.axes import JitterAxis
-from pftrack_sim.scenario.robot import Sills
-from pftrack_sim.scene import robot as body
+from pftrack_sim.scenario.robot import Robot, Sills, StillRoute
+from pftrack_sim.scene.robot_file.motorised import mast_of
+from pftrack_sim.scene.robot_file.roles import Roles
 
 # Of assets/robot.xml.
 WHEEL_RADIUS_M, CASTER_ARM_M = 0.0975, 0.185
@@ -82,7 +83,7 @@ def test_each_class_doubles_the_acceleration(lab: Callable[..., Any]):
 
 @pytest.mark.slow
 def test_acceleration_grows_with_speed_as_linear_theory_predicts(lab: Callable[..., Any]):
-    sprung_kg = body.BASE_KG + body.FOOT_KG + body.PAN_KG + body.HEAD_KG + body.MAST_KG_M
+    sprung_kg = mast_of(Roles.of(Robot(route=StillRoute(kind="still")))).carried_kg(0.55)
     speeds = (0.4, 0.8, 1.6)
     measured = np.array([vertical_acceleration(lab, "B", speed) for speed in speeds])
     predicted = np.array([predicted_acceleration("B", speed, sprung_kg) for speed in speeds])
