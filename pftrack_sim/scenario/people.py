@@ -233,6 +233,8 @@ def carrying_problem(carries: Sequence[Carried], actions: Sequence[Action]) -> s
 MAX_PATH_M = 2000.0
 GAZE_M = 1.1
 """Height of the point of a person to which the camera is turned."""
+_GAZE_SHARE = 0.79  # The same of a child, as a share of its height
+_BENCH_M = 1.25  # Least stature of who sits on a bench, or carries a bag clear of the ground
 _HANDS_SHARE = 0.62  # Height of hands that carry something before the chest, as a share of the body's
 _ON_FOOT = Lowering | Gesture | Sit
 
@@ -317,7 +319,7 @@ class Target(Section):
         "Turns of an 'auto' path, each of 25 to 100 degrees; by default 2, or more where there is little room.",
     )
     speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")
-    height_m: float = number(1.74, 1.4, 2.1, "Body height.")
+    height_m: float = number(1.74, 0.9, 2.1, "Body height; less than 1.48 is a child's.")
     thing: Thing | None = setting(None, "What is tracked in the place of the person.")
     clothes: Clothes = Clothes()
     wardrobe: int = number(
@@ -364,7 +366,7 @@ class Target(Section):
     def gaze_m(self) -> float:
         """Height of the point to which the camera is turned: of a thing about its middle."""
         if self.thing is None:
-            return GAZE_M
+            return min(GAZE_M, _GAZE_SHARE * self.height_m)
         return _HANDS_SHARE * self.height_m if self.carried else 0.5 * self.thing.height_m
 
     @model_validator(mode="after")
@@ -383,6 +385,10 @@ class Target(Section):
     @model_validator(mode="after")
     def _actions_are_possible(self) -> Target:
         problem = overlap_problem(self.actions) or carrying_problem(self.carries, self.actions)
+        sits = [title(index, one) for index, one in enumerate(self.actions) if isinstance(one, Sit)]
+        tall = [*sits, *("carrying a bag" for one in self.carries if one.item == "bag")]
+        if not problem and tall and self.height_m < _BENCH_M:
+            problem = f"{tall[0]} needs a height_m of {_BENCH_M} or more, got {self.height_m:g}"
         if problem:
             raise ValueError(problem)
         return self
@@ -398,7 +404,7 @@ class FurtherTarget(Section):
     )
     path_m: tuple[Point, ...] = setting((), "Points the person walks through, as the target's.", max_length=1000)
     speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")
-    height_m: float = number(1.74, 1.4, 2.1, "Body height.")
+    height_m: float = number(1.74, 0.9, 2.1, "Body height; less than 1.48 is a child's.")
     clothes: Clothes = Clothes()
     actions: tuple[Action, ...] = setting((), "What it does on its way, but sit and pick up.", max_length=1000)
 

@@ -40,6 +40,8 @@ _ROLLING_STANCE = 0.56  # stance fraction for which a runner's foot roll is comp
 _LIFT_POWER = 1.2  # of a sine over the swing
 _MID_STANCE = 0.245
 _MAX_SPEED_M_S = 2.6  # of walking
+_MAX_STATURES_S = 1.85  # and in statures per second, which limits children: beyond it, they take more steps
+_ADULT_M = 1.48  # Children sway and bob less, by their stature
 # Below a half there are flight phases (Novacheck, "The biomechanics of running", Gait and Posture 7:77, 1998: 39 % at
 # 3.2 m/s).
 _RUN_STANCE_FRACTION = 0.37
@@ -123,7 +125,8 @@ def _follow(person: Any, dt_s: float) -> None:
 @part_of_kernel
 def _set_gait(person: Any, swing: FloatArray) -> None:
     """Set the parameters of the gait at the present speed, between walking and running."""
-    speed, leg_m = min(person.speed, _MAX_SPEED_M_S), person.thigh_m + person.shank_m
+    speed = min(person.speed, _MAX_SPEED_M_S, _MAX_STATURES_S * person.height_m)
+    small, leg_m = min(person.height_m / _ADULT_M, 1.0), person.thigh_m + person.shank_m
     stride_m = _stride_length(speed, person.height_m)
     # Linear fit to Murray et al., American Journal of Physical Medicine 45:8 (1966), and Murray et al., Acta
     # Orthopaedica Scandinavica 55 (1984): 62 % at natural speed.
@@ -147,8 +150,8 @@ def _set_gait(person: Any, swing: FloatArray) -> None:
     low = min(leading_z, trailing_z, upright)
     # Orendurff et al., Journal of Rehabilitation Research and Development 41:829 (2004), at 0.7 m/s and 1.6 m/s: 7.0 cm
     # and 3.9 cm of lateral, 2.7 cm and 4.8 cm of vertical travel of the trunk, peak to peak.
-    travel = min(max(0.0111 + 0.0232 * speed, 0.0), 0.075) * moving
-    person.sway_m = min(max(0.0471 - 0.0172 * speed, 0.012), 0.035) * moving
+    travel = min(max(0.0111 + 0.0232 * speed, 0.0), 0.075) * moving * small
+    person.sway_m = min(max(0.0471 - 0.0172 * speed, 0.012), 0.035) * moving * small
     person.hip_low_m, person.hip_high_m = low, min(low + max(travel, 0.80 * (upright - low)), upright)
     person.stride_m, person.stance_fraction, person.mid_stance = stride_m, stance, _MID_STANCE
     person.heel_strike_rad, person.toe_off_rad = heel_strike, toe_off

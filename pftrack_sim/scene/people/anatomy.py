@@ -1,9 +1,11 @@
-"""Body proportions of adults.
+"""Body proportions of adults and children.
 
 Segment lengths are fractions of stature from Drillis and Contini (1966), as drawn in Winter, "Biomechanics and Motor
 Control of Human Movement" (2009), figure 4.1; joints lie slightly inside the body's landmarks, and shoes add to foot
 and ankle. Stature and the spread of proportions approximate those of adults in Gordon et al., "2012 Anthropometric
-Survey of U.S. Army Personnel" (2014); the spread of girths was chosen by eye.
+Survey of U.S. Army Personnel" (2014); the spread of girths was chosen by eye. Below
+1.48 m a body becomes a child's: at 1.1 m five and a half heads high, on legs shorter by a fifteenth (Snyder et al.,
+"Anthropometry of Infants, Children and Youths to Age 18", 1977).
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ from pftrack_sim.core.data_files import asset_table
 Colour: TypeAlias = tuple[int, int, int]  # RGB, 0..255
 HairStyle: TypeAlias = Literal["short", "medium", "long", "curly", "bun", "cap", "beanie", "bald"]
 Glasses: TypeAlias = Literal["none", "clear", "dark"]
+
+_ADULT_M, _SMALL_M = 1.48, 1.0  # Statures of the smallest adult drawn, and of a child all of whose proportions differ
 
 
 def rgb(values: Iterable[float]) -> Colour:
@@ -98,11 +102,13 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
     style_drawn, beard_drawn, glasses_drawn = rng.random(3)
 
     height = drawn_height if height_m is None else float(height_m)
+    young = min(max((_ADULT_M - height) / (_ADULT_M - _SMALL_M), 0.0), 1.0)
+    figure *= 1.0 - young
     # The fractions add up to 1: at one stature, longer legs mean a shorter trunk.
-    legs = 0.535 * (1.0 + 0.013 * spread[0])
+    legs = 0.535 * (1.0 + 0.013 * spread[0]) * (1.0 - 0.08 * young)
     ankle = 0.045
     thigh = (legs - ankle) * 0.5 * (1.0 + 0.012 * spread[1])
-    head = 0.163 * (1.0 + 0.025 * spread[2]) * (1.75 / height) ** 0.35
+    head = 0.163 * (1.0 + 0.025 * spread[2]) * (1.75 / height) ** 0.35 * (1.0 + 0.18 * young)
     trunk = 1.0 - legs - head
     arm = 1.0 + 0.02 * spread[3]
     shoulders = (0.107 - 0.008 * figure) * (1.0 + 0.03 * spread[4]) * (1.0 + 0.25 * (girth - 1.0))
@@ -125,8 +131,8 @@ def sample_anatomy(rng: np.random.Generator, height_m: float | None = None) -> A
         figure=figure,
         skin=skin,
         hair=hair,
-        hair_style=_hair_style(feminine, float(style_drawn)),
-        beard=0.0 if feminine else float(np.clip(2.2 * beard_drawn - 1.0, 0.0, 1.0)),
+        hair_style=_hair_style(feminine or young > 0.0, float(style_drawn)),
+        beard=0.0 if feminine or young else float(np.clip(2.2 * beard_drawn - 1.0, 0.0, 1.0)),
         glasses="clear" if glasses_drawn < 0.25 else "dark" if glasses_drawn < 0.32 else "none",
     )
 

@@ -374,3 +374,13 @@ def test_a_raised_arm_leaves_everything_else_in_place(postures: dict[str, Postur
     assert (reaching[:, forearm, 0] > plain[:, forearm, 0] + 0.15).all()
     others = [index for index in range(len(PARTS)) if index != forearm]
     assert np.abs(waving[:, others] - plain[:, others]).max() < 1e-9
+
+
+@pytest.mark.parametrize("speed_m_s", [0.9, 1.6])
+def test_feet_of_a_child_do_not_slide_and_stay_on_the_ground(speed_m_s: float, monkeypatch: pytest.MonkeyPatch):
+    children = [sample_anatomy(np.random.default_rng(seed), 0.95 + 0.1 * seed) for seed in range(COUNT)]
+    monkeypatch.setattr(f"{__name__}.bodies", lambda: children)
+    slid, lowest, highest = record(constant(speed_m_s)).sole_motion()
+    assert slid < 0.002
+    assert lowest > -0.01
+    assert highest < 0.015

@@ -321,3 +321,14 @@ def test_a_scenario_says_what_the_target_wears_and_the_rest_is_drawn():
 def test_colours_are_hexadecimal():
     with pytest.raises(ValueError, match="red, green and blue in hexadecimal digits, as '#a03020'"):
         Clothes(top="red")
+
+
+def test_a_child_has_a_large_head_on_short_legs_and_an_adult_stays_as_it_was() -> None:
+    for seed in range(8):
+        adult, child = sample_anatomy(rng(seed), 1.48), sample_anatomy(rng(seed), 1.1)
+        assert 5.0 < child.height_m / (0.132 / 0.160 * child.head_m) < 6.2
+        assert (child.thigh_m + child.shank_m) / 1.1 < 0.96 * (adult.thigh_m + adult.shank_m) / 1.48
+        assert child.beard == 0.0
+        assert child.hair_style != "bald"
+        hip = child.thigh_m + child.shank_m + child.ankle_m
+        assert abs(hip + child.pelvis_m + child.torso_m + child.head_m - 1.1) < 1e-9
