@@ -12,7 +12,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.section import Angle, Coordinate, Point, Positive, Section, number, setting
 
 OWN_RADIUS_M = 0.25  # Of the robot that ships
-_ROLES = ("camera_site", "camera_rpy_deg", "drive", "wheels", "pan", "tilt", "pose_deg")
+_ROLES = ("camera_site", "camera_rpy_deg", "drive", "wheels", "wheelbase_m", "pan", "tilt", "pose_deg")
 """Keys about the file of a robot."""
 
 
@@ -192,13 +192,18 @@ class Robot(Section):
     camera_rpy_deg: tuple[Angle, Angle, Angle] | None = setting(
         None, "Roll, pitch and yaw by which it is turned in the axes of that link: x forward, y left, z up."
     )
-    drive: Literal["planar", "omni", "differential", "motors"] = setting(
+    drive: Literal["planar", "omni", "differential", "ackermann", "motors"] = setting(
         "planar",
         "How its base moves. 'differential': forwards, and about the middle of its axle; 'planar' and 'omni': without "
-        "a pan joint its body turns to the target whatever its course; 'motors': by the motors, wheels, springs and "
-        "masses of its file, with the names of our own robot's.",
+        "a pan joint its body turns to the target whatever its course; 'ackermann': as a car, by `wheelbase_m`; "
+        "'motors': by the motors, wheels, springs and masses of its file, with the names of our own robot's.",
     )
-    wheels: tuple[str, str] | None = setting(None, "Joints of its left and right wheel: the middle, track and radius.")
+    wheels: tuple[str, str] | None = setting(
+        None, "Joints of its left and right wheel, of a car the rear ones: the middle, track and radius."
+    )
+    wheelbase_m: float | None = number(None, 0.05, 5, "Of a car: distance from its rear axle to the front one.")
+    max_steer_deg: float = number(24.0, 1, 80, "Of a car: largest steering angle; 24 of an F1TENTH car.")
+    max_steer_deg_s: float = number(183.0, 1, 3600, "Of a car: fastest change of the angle; 183 of an F1TENTH car.")
     pan: str | None = setting(None, "Its joint that pans the camera, or 'none'; left out, the nearest upright hinge.")
     tilt: str | None = setting(None, "Its joint that tilts it, or 'none'; left out, the nearest lateral hinge.")
     pose_deg: dict[str, Angle] = setting({}, "Angles of its hinges; left out, those of its first keyframe, or 0.")
@@ -225,6 +230,8 @@ class Robot(Section):
         given = [key for key in _ROLES if getattr(self, key) != type(self).model_fields[key].default]
         if self.model is None and given:
             raise ValueError(f"{', '.join(given)}: about the file of a robot: set robot.model, too")
+        if (self.drive == "ackermann") != (self.wheelbase_m is not None):
+            raise ValueError("drive = 'ackermann' and wheelbase_m, from the rear axle to the front one, go together")
         if self.drive == "motors" and given != ["drive"]:
             given.remove("drive")
             raise ValueError(f"{', '.join(given)}: has no effect with drive = 'motors', which takes the file as it is")

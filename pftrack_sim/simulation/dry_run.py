@@ -17,6 +17,7 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.target import TargetWalk
 from pftrack_sim.agents.robot.drive import ACCELERATION
 from pftrack_sim.agents.robot.script import Script
+from pftrack_sim.agents.robot.steering import Steering
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scene.robot import REST_YAW_RAD, RobotForm
@@ -76,9 +77,10 @@ def dry_run(settings: ResolvedScenario, path: Path, script: Script, end_s: float
     mount_rad = REST_YAW_RAD[camera.mount]
     lens_m = RobotForm.of(robot, camera).lens_m
     speed_step, turn_step = (ACCELERATION[:2] * _TICK_S).tolist()
-    max_turn_rad_s = math.radians(robot.max_turn_deg_s)
+    max_speed_m_s, max_turn_rad_s = robot.max_speed_m_s, math.radians(robot.max_turn_deg_s)
     commands = deque([(0.0, 0.0)] * round(1e-3 * robot.latency_ms / _TICK_S))
     speed = turn = 0.0
+    steering = Steering.of(robot)
     rows: list[tuple[float, ...]] = []
     for tick in range(math.ceil(end_s / _TICK_S) + 2):
         time_s, (target_x, target_y) = tick * _TICK_S, target.tracked_m
@@ -95,10 +97,13 @@ def dry_run(settings: ResolvedScenario, path: Path, script: Script, end_s: float
         )
         target.update(_TICK_S, (x, y, speed * math.cos(middle), speed * math.sin(middle)), (camera_x, camera_y))
         wanted_speed, wanted_turn = commands.popleft()
-        wanted_speed = min(max(wanted_speed, -robot.max_speed_m_s), robot.max_speed_m_s)
+        wanted_speed = min(max(wanted_speed, -max_speed_m_s), max_speed_m_s)
         wanted_turn = min(max(wanted_turn, -max_turn_rad_s), max_turn_rad_s)
         speed += min(max(wanted_speed - speed, -speed_step), speed_step)
-        turn += min(max(wanted_turn - turn, -turn_step), turn_step)
+        if steering is None:
+            turn += min(max(wanted_turn - turn, -turn_step), turn_step)
+        else:
+            turn = steering.turn_rad_s(speed, wanted_turn, _TICK_S)
     table = np.array(rows)
     table.setflags(write=False)
     return DryRun(table[:, 0], table[:, 1:4], table[:, 4:6], table[:, 6], table[:, 7:], settings.target.top_m, end_s)

@@ -144,6 +144,32 @@ def test_a_differential_drive_rolls_as_its_wheels_say_and_the_odometry_agrees(tm
         assert abs(-math.sin(end[2]) * speed[0] + math.cos(end[2]) * speed[1]) < 0.02
 
 
+CAR = {"robot__drive": "ackermann", "robot__wheelbase_m": 0.5, "robot__odometry_error_percent": 0}
+
+
+@pytest.mark.parametrize("forward", [0.6, -0.6])
+def test_a_car_drives_on_circles_about_its_rear_axle(forward: float, tmp_path: Path):
+    keys = {**CAR, "robot__wheels": ["wheel_l", "wheel_r"]}
+    with simulation(write_mjcf(tmp_path), **keys) as own:
+        start = np.array((own.reset(0), own.world.robot_pose())[1])
+        for _ in range(30):
+            own.advance(np.array([0.0, 1.0, 0.0, 0.0]))
+        np.testing.assert_allclose(own.world.robot_pose(), start, atol=1e-6)  # it cannot turn where it stands
+        poses = []
+        for _ in range(150):
+            own.advance(np.array([forward, 1.0, 0.0, 0.0]))
+            poses.append(own.world.robot_pose())
+        x, y, heading = np.array(poses[30:]).T
+        turns = np.diff(np.unwrap(heading))
+        radius = np.hypot(np.diff(x), np.diff(y)) / (2.0 * np.sin(0.5 * turns))
+        np.testing.assert_allclose(radius, 0.5 / math.tan(math.radians(24.0)), rtol=2e-3)  # counter-clockwise
+        middle = np.unwrap(heading)[:-1] + 0.5 * turns
+        assert np.abs(np.diff(y) * np.cos(middle) - np.diff(x) * np.sin(middle)).max() < 0.02 / 30
+        way = turned(2, -start[2])[:2, :2] @ (np.array(poses[-1]) - start)[:2]
+        odometry = [reading(own.world, f"odometry_{axis}_m") for axis in "xy"]
+        np.testing.assert_allclose(odometry, way, atol=0.01 * 4.8)  # of the way: the servos lag by half a degree
+
+
 def test_nothing_of_it_rubs_on_the_ground(tmp_path: Path):
     square = MJCF.replace('<geom size="0.15"/>', '<geom type="box" size="0.15 0.02 0.15"/>').replace(
         '<geom type="sphere" size="0.15"/>', '<geom type="box" size="0.15 0.02 0.15"/>'
@@ -193,14 +219,15 @@ def test_ranges_and_collisions_are_those_of_the_scene(tmp_path: Path):
 
 
 @pytest.mark.parametrize("route", ["trail", "beside", "waypoints", "still"])
-def test_the_script_drives_it_and_the_dry_run_knows_where(route: str, tmp_path: Path):
+@pytest.mark.parametrize("drive", [{}, CAR])
+def test_the_script_drives_it_and_the_dry_run_knows_where(route: str, drive: dict[str, object], tmp_path: Path):
     routes: dict[str, dict[str, object]] = {
         "trail": {"kind": "trail"},
         "beside": {"kind": "beside", "side": "left"},
         "waypoints": {"kind": "waypoints", "points_m": [[-3, 0], [4, 0]]},
         "still": {"kind": "still", "start_m": [-3, 0]},
     }
-    keys: dict[str, object] = {"robot__route": routes[route], "duration_s": 6}
+    keys: dict[str, object] = {"robot__route": routes[route], "duration_s": 6, **drive}
     with simulation(write_mjcf(tmp_path), "easy/plaza-walk", **keys) as own:
         frames = [own.reset(0)]
         while frames[-1].index < own.frame_count - 1:
@@ -209,8 +236,10 @@ def test_the_script_drives_it_and_the_dry_run_knows_where(route: str, tmp_path: 
         assert own.collision() is None
 
 
-def test_a_minute_is_followed_by_box_and_command(tmp_path: Path):
+@pytest.mark.parametrize("drive", [{}, CAR])
+def test_a_minute_is_followed_by_box_and_command(drive: dict[str, object], tmp_path: Path):
     overrides = {**QUIET, "robot.model": str(write_urdf(tmp_path)), "duration_s": 20, "target.actions": []}
+    overrides |= {key.replace("__", "."): value for key, value in drive.items()}
     env = FollowEnv("follow/plaza", overrides, image=False)
     observation, info = env.reset(seed=0)
     controller = controllers.make("servo-avoid")
@@ -339,6 +368,9 @@ def test_a_flat_mesh_can_be_drawn(tmp_path: Path):
 def test_keys_about_a_file_need_one_that_is_there(tmp_path: Path):
     with pytest.raises(ScenarioError, match=r"pan, tilt: .*set robot.model"):
         scenario.load("plaza-walk", {"robot.pan": "a", "robot.tilt": "b"})
+    with pytest.raises(ScenarioError, match=r"'ackermann' and wheelbase_m, .*, go together"):
+        scenario.load("plaza-walk", {"robot.model": str(write_mjcf(tmp_path)), "robot.drive": "ackermann"})
+    (tmp_path / "cart.xml").unlink()
     with pytest.raises(ScenarioError, match=r"robot.model: no such file: .*cart.xml"):
         scenario.load("plaza-walk", {"robot.model": str(tmp_path / "cart.xml")})
 

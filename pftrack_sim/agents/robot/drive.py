@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pftrack_sim.agents.robot.steering import Steering
 from pftrack_sim.core.proprioception import BEAM_HEIGHT_M
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import robot as scenario
@@ -142,12 +143,15 @@ class Drive:
         # The inner wheel lifts when m a h = F track, with F the load of one wheel at rest.
         share = math.inf if self.planar else WHEEL_UNLOADING_SHARE * GRAVITY_M_S2 * wheel_share(model)
         self._max_lateral_m_s2 = share * self._wheels.track_m / self._equilibrium.centre_of_mass_m
+        self._robot = robot
         self._reset_references()
 
     def _reset_references(self) -> None:
         self._rates = [0.0] * 4
         self._head = list(self._rest_rad)
         self._odometry = Odometry()
+        self.steering = Steering.of(self._robot)
+        """How the base is steered; None where it turns on the spot."""
 
     def reset(
         self, data: mujoco.MjData, x_m: float, y_m: float, heading_rad: float, pan_rad: float | None = None
@@ -195,7 +199,8 @@ class Drive:
         """Set the motors for the coming physics steps.
 
         Speeds are clipped to the robot's limits and approached no faster than `ACCELERATION`. Turn and pan rate are
-        counter-clockwise, the tilt rate is upwards. Where nothing else can pan, the base turns by both rates.
+        counter-clockwise, the tilt rate is upwards; a base that is steered turns as far as it drives. Where nothing
+        else can pan, the base turns by both rates.
         """
         if self.turns_with_head:
             turn_rad_s += pan_rad_s
@@ -208,6 +213,9 @@ class Drive:
             limit, step = self._highest[axis], _ACCELERATION[axis] * duration_s
             change = min(max(wanted, -limit), limit) - rates[axis]
             rates[axis] += min(max(change, -step), step)
+        if self.steering is not None:
+            wanted = min(max(turn_rad_s, -self._highest[1]), self._highest[1])
+            rates[1] = self.steering.turn_rad_s(rates[0], wanted, duration_s)
         forward, turn = rates[:2]
         lateral = abs(forward * turn)
         if lateral > self._max_lateral_m_s2:

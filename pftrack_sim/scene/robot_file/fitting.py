@@ -116,7 +116,7 @@ def fit(roles: Roles) -> FittedRobot:
     pose[:3, 3] -= origin
     ahead = pose[:3, 2]
     azimuth, elevation = math.atan2(ahead[1], ahead[0]), math.asin(max(-1.0, min(1.0, float(ahead[2]))))
-    turns = pan is None and roles.drive != "differential"
+    turns = pan is None and roles.drive in ("planar", "omni")
     pan_hinge = read_hinge(model, data, pan, _UP, azimuth, _PAN_RAD, origin)
     if turns:
         pan_hinge = pan_hinge._replace(range_rad=(azimuth - _PAN_RAD, azimuth + _PAN_RAD))

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.robot.drive import ACCELERATION
+from pftrack_sim.agents.robot.steering import Steering
 from pftrack_sim.core.proprioception import PROPRIO_HIGH, PROPRIO_INDEX, PROPRIO_NAMES
 from pftrack_sim.scenario.robot import Robot, StillRoute
+
+TICK_S = 1.0 / 60.0
+CAR = Robot.model_construct(drive="ackermann", wheelbase_m=0.5, max_steer_deg=30.0, max_steer_deg_s=60.0)
 
 
 def test_straight_on(lab: Callable):
@@ -184,3 +188,25 @@ def test_a_collision_names_what_is_touched(lab: Callable):
     world.run(4.0, forward=-1.0)
     assert world.drive.collision(world.data) == "target"
     assert world.data.body("robot/base").xmat[8] > 0.99
+
+
+@pytest.mark.parametrize("speed_m_s", [1.0, -1.0])
+def test_a_car_turns_as_commanded_forwards_and_backwards_by_opposite_angles(speed_m_s: float):
+    steering = Steering.of(CAR)
+    for _ in range(60):
+        turn = steering.turn_rad_s(speed_m_s, 0.4, TICK_S)
+    assert turn == pytest.approx(0.4)
+    assert steering.angle_rad == pytest.approx(math.copysign(math.atan(0.2), speed_m_s))
+
+
+def test_a_car_turns_no_tighter_than_its_angle_and_steers_no_faster_than_its_rate():
+    steering = Steering.of(CAR)
+    angles, turns = zip(*((steering.angle_rad, steering.turn_rad_s(0.5, 9.0, TICK_S)) for _ in range(60)), strict=True)
+    assert np.diff(angles).max() == pytest.approx(math.radians(60.0) * TICK_S)
+    assert turns[-1] == pytest.approx(0.5 * math.tan(math.radians(30.0)) / 0.5)
+
+
+def test_a_car_that_stands_steers_but_does_not_turn():
+    steering = Steering.of(CAR)
+    assert [steering.turn_rad_s(0.0, 0.1, 0.1) for _ in range(10)] == [0.0] * 10
+    assert steering.angle_rad == pytest.approx(math.radians(30.0))
