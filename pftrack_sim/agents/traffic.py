@@ -9,14 +9,15 @@ import mujoco
 import numpy as np
 
 from pftrack_sim.agents.carried_items import CarriedItems
-from pftrack_sim.agents.gait.gait import Gait
+from pftrack_sim.agents.gait.gait import Gait, quaternions
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.agents.tracked_thing import TrackedThing
 from pftrack_sim.camera.extents import Bodies
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scene.people.person import Person, part_meshes, part_mocap_ids
+from pftrack_sim.scenario.mobility import Mobility
+from pftrack_sim.scene.people.person import Person, mobility_names, part_meshes, part_mocap_ids
 from pftrack_sim.scene.thing import WALKER
 
 PHASES = np.arange(48) / 48
@@ -44,6 +45,10 @@ class Traffic:
         self._target, self._seed = people[0], seed
         self.gait = self._gait_of(people)
         self._part_ids = part_mocap_ids(model, [person.name for person in people[self._first :]])
+        self._mobility_ids = {
+            index: [int(model.body_mocapid[model.body(name).id]) for name in mobility_names(people[index])]
+            for index in self.gait.riders
+        }
         self._cart_ids = [int(model.body_mocapid[model.body(name).id]) for name in cart_names]
         self._carried = carried
 
@@ -72,6 +77,9 @@ class Traffic:
         gait = self.gait
         drawn, ids = slice(self._first, None), self._part_ids
         data.mocap_pos[ids], data.mocap_quat[ids] = gait.positions[drawn], gait.quaternions[drawn]
+        for index, mocaps in self._mobility_ids.items():
+            rider = gait.riders[index]
+            data.mocap_pos[mocaps], data.mocap_quat[mocaps] = rider.places, quaternions(rider.turned)
         if self._carried is not None:
             self._carried.write(data, self._time_s, gait.positions[0], gait.rotations[0])
         if self._thing is not None:
@@ -91,7 +99,10 @@ class Traffic:
 
     def _gait_of(self, people: Sequence[Person]) -> Gait:
         rngs = [random_streams.stream(self._seed, "gait", person.name) for person in people]
-        return Gait([person.anatomy for person in people], rngs)
+        uses: dict[int, Mobility] = {
+            index: person.uses for index, person in enumerate(people) if person.uses is not None
+        }
+        return Gait([person.anatomy for person in people], rngs, uses)
 
 
 def median_width_phase(

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
-import re
 from collections.abc import Collection, Sequence
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.errors import UnknownNameError
+from pftrack_sim.scenario.clothes import Clothes
+from pftrack_sim.scenario.mobility import ABLE, TOP_SHARE, Mobility
 from pftrack_sim.scenario.section import (
     Angle,
     Coordinate,
@@ -272,34 +273,6 @@ def _known(kind: str, name: str, names: Collection[str]) -> str:
     return name
 
 
-def _colour(text: str) -> str:
-    if not re.fullmatch("#[0-9a-fA-F]{6}", text):
-        raise ValueError("must be red, green and blue in hexadecimal digits, as '#a03020'")
-    return text
-
-
-_Hex = Annotated[str, AfterValidator(_colour)]
-
-
-class Clothes(Section):
-    """How the target looks; what is left out is drawn from the seed."""
-
-    top: _Hex | None = setting(None, "Colour of shirt or jacket, as '#a03020'.")
-    bottom: _Hex | None = setting(None, "Colour of the trousers.")
-    shoes: _Hex | None = setting(None, "Colour of the shoes.")
-    pattern: Literal["plain", "stripes", "checks", "print", "block", "dots"] | None = setting(None, "Of the top.")
-    cut: Literal["shirt", "jacket", "hood"] | None = setting(None, "Of the top: with a hood, or a jacket to the hips.")
-    long_sleeves: bool | None = setting(None, "Whether sleeves reach the wrists.")
-    long_legs: bool | None = setting(None, "Whether trousers reach the ankles.")
-    skirt: bool | None = setting(None, "Whether a feminine figure wears a skirt; not where it sits or stoops.")
-    hair: Literal["short", "medium", "long", "curly", "bun", "cap", "beanie", "bald"] | None = setting(
-        None, "Hair, or what covers it."
-    )
-    glasses: Literal["none", "clear", "dark"] | None = setting(None, "Glasses; sunglasses are dark.")
-    skin: _Hex | None = setting(None, "Colour of the skin.")
-    girth: float | None = number(None, 0.85, 1.3, "Thickness of the trunk; 1 is the average.")
-
-
 class Target(Section):
     """The person, or thing, to track."""
 
@@ -320,6 +293,7 @@ class Target(Section):
     )
     speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")
     height_m: float = number(1.74, 0.9, 2.1, "Body height; less than 1.48 is a child's.")
+    uses: Mobility | None = setting(None, "What it rides, or pushes.")
     thing: Thing | None = setting(None, "What is tracked in the place of the person.")
     clothes: Clothes = Clothes()
     wardrobe: int = number(
@@ -360,13 +334,17 @@ class Target(Section):
     @property
     def top_m(self) -> float:
         """Height above the ground of the highest point of what is tracked."""
-        return self.height_m if self.thing is None else self.gaze_m + 0.5 * self.thing.height_m
+        return self._tall_m if self.thing is None else self.gaze_m + 0.5 * self.thing.height_m
+
+    @property
+    def _tall_m(self) -> float:
+        return self.height_m * (TOP_SHARE.get(self.uses, 1.0) if self.uses else 1.0)
 
     @property
     def gaze_m(self) -> float:
         """Height of the point to which the camera is turned: of a thing about its middle."""
         if self.thing is None:
-            return min(GAZE_M, _GAZE_SHARE * self.height_m)
+            return min(GAZE_M, _GAZE_SHARE * self._tall_m)
         return _HANDS_SHARE * self.height_m if self.carried else 0.5 * self.thing.height_m
 
     @model_validator(mode="after")
@@ -389,9 +367,23 @@ class Target(Section):
         tall = [*sits, *("carrying a bag" for one in self.carries if one.item == "bag")]
         if not problem and tall and self.height_m < _BENCH_M:
             problem = f"{tall[0]} needs a height_m of {_BENCH_M} or more, got {self.height_m:g}"
+        problem = problem or self._riding_problem()
         if problem:
             raise ValueError(problem)
         return self
+
+    def _riding_problem(self) -> str | None:
+        if self.uses is None:
+            return None
+        if self.thing is not None:
+            return f"uses = {self.uses!r} needs a person, and the target is a thing ({self.thing.prop!r})"
+        if any(one.item != "backpack" or self.uses == "wheelchair" for one in self.carries):
+            return f"uses = {self.uses!r} needs both hands: carries {self.carries[0].item!r}"
+        for index, one in enumerate(self.actions):
+            if one.kind not in ABLE[self.uses]:
+                able = ", ".join(sorted(ABLE[self.uses]))
+                return f"{title(index, one)} is not possible with a {self.uses} (possible: {able})"
+        return None
 
 
 class FurtherTarget(Section):
@@ -405,6 +397,7 @@ class FurtherTarget(Section):
     path_m: tuple[Point, ...] = setting((), "Points the person walks through, as the target's.", max_length=1000)
     speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")
     height_m: float = number(1.74, 0.9, 2.1, "Body height; less than 1.48 is a child's.")
+    uses: Mobility | None = setting(None, "What it rides, or pushes.")
     clothes: Clothes = Clothes()
     actions: tuple[Action, ...] = setting((), "What it does on its way, but sit and pick up.", max_length=1000)
 
@@ -415,6 +408,7 @@ class FurtherTarget(Section):
             path_m=self.path_m,
             speed_m_s=self.speed_m_s,
             height_m=self.height_m,
+            uses=self.uses,
             clothes=self.clothes,
             actions=self.actions,
         )

@@ -12,8 +12,9 @@ import numpy as np
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.scenario.clothes import Clothes
 from pftrack_sim.scenario.model import Occluder
-from pftrack_sim.scenario.people import Clothes, FurtherTarget, Target
+from pftrack_sim.scenario.people import FurtherTarget, Target
 from pftrack_sim.scene.layout import CONTACT, WalkableArea, owner_name
 from pftrack_sim.scene.occluders import (
     CartSize,
@@ -127,6 +128,7 @@ def add_agents(
         [settings.axes.distractors.similarity] * len(settings.axes.distractors.passings_s),
         [group.similarity for group in settings.groups for _ in range(group.count)],
         _clothes(settings.target),
+        settings.target.uses,
     )
     seats = [group.kind == "sit" for group in settings.groups for _ in range(group.count)]
     seated = {f"member-{number}" for number, sits in enumerate(seats, start=1) if sits}
@@ -137,7 +139,7 @@ def add_agents(
     for one in settings.walking_targets:
         if one.name in taken:
             raise ScenarioError(f"{settings.title!r} at seed {seed}", [f"targets: {one.name!r} names a thing there"])
-        people = (*people, sample_target(wardrobe_seed, one.name, one.height_m, _clothes(one)))
+        people = (*people, sample_target(wardrobe_seed, one.name, one.height_m, _clothes(one), one.uses))
     thing = settings.target.thing
     if thing is not None:
         add_thing(spec, people[0].name, thing)
@@ -153,6 +155,7 @@ def add_agents(
 
 def _clothes(target: Target | FurtherTarget) -> Clothes:
     lowers = any(action.kind in ("sit", "crouch", "bend") for action in target.actions)
+    lowers = lowers or target.uses in ("wheelchair", "bicycle")
     return target.clothes.model_copy(update=_TROUSERS) if lowers else target.clothes
 
 

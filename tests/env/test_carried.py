@@ -133,3 +133,36 @@ def test_a_pedestrian_covers_an_approaching_target_when_planned(seed: int):
     covered = [one.time_s for one in observed if one.visible_fraction < 0.3]
     assert 4.7 < min(covered) < 5.3
     assert 5.2 < max(covered) < 6.2
+
+
+@pytest.mark.parametrize("kind", ["wheelchair", "bicycle", "scooter", "pram"])
+def test_what_a_target_uses_is_drawn_and_is_no_part_of_it(kind: str):
+    one = world(**{"target.uses": kind, "target.actions": []})
+    frame = one.model.body(f"target-{kind}/frame").id
+    before = place(one, f"target-{kind}/frame")
+    for _ in range(12):
+        one.advance()
+    assert np.hypot(*(place(one, f"target-{kind}/frame") - before)[:2]) > 0.8
+    assert one.people == ("target",)
+    assert (one.model.geom_bodyid == frame).sum() > 4
+
+
+def test_a_wheelchair_hides_a_part_of_who_sits_in_it():
+    with Simulation(scenario.load("easy/plaza-walk", {**SMALL, "target.uses": "wheelchair"})) as simulation:
+        seen = simulation.reset(3)
+        assert seen.truth.occluders == ("target-wheelchair",)
+        assert 0.2 < seen.truth.visible_fraction < 0.9
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"target.actions": [{"kind": "bend", "at_s": 1.0}]}, "not possible with a bicycle"),
+        ({"target.carries": [{"item": "umbrella"}]}, "both hands"),
+        ({"target.thing": {"prop": "ball", "height_m": 0.3}}, "needs a person"),
+        ({"target.height_m": 1.1, "target.uses": None, "target.carries": [{"item": "bag"}]}, "height_m of 1.25"),
+    ],
+)
+def test_what_a_rider_or_a_child_cannot_do_is_an_error(keys: dict[str, Any], message: str):
+    with pytest.raises(ScenarioError, match=message):
+        scenario.load("easy/plaza-walk", {**SMALL, "target.uses": "bicycle", "target.actions": [], **keys}).resolve(3)

@@ -173,6 +173,14 @@ def test_so_it_is_of_each_of_several_targets():
         assert_truth_is_that_of_an_independent_segmentation(scenario.load(tree, size | INSTANT), from_s, name)
 
 
+def test_so_it_is_behind_the_spokes_of_a_wheelchair():
+    size = {"camera.width_px": WIDTH, "camera.height_px": HEIGHT, "lights.shadows": False}
+    beside = {"target.uses": "wheelchair", "target.actions": [], "target.path_m": [[3.0, 0.0], [13.0, 0.0]]}
+    near = {"robot.route": {"kind": "beside", "distance_m": 2.8, "side": "left"}}
+    loaded = scenario.load("plaza-walk", size | INSTANT | beside | near)
+    assert_truth_is_that_of_an_independent_segmentation(loaded, 1.4)
+
+
 def assert_truth_is_that_of_an_independent_segmentation(
     loaded: scenario.Scenario, from_s: float, name: str = "target"
 ) -> None:

@@ -40,7 +40,7 @@ _ELBOW, _ELBOW_SWING, _RUNNING_ELBOW = math.radians(18.0), math.radians(11.0), m
 
 
 @kernel
-def pose_bodies(time_s: float, people: Records, feet: Records, arms: Records, parts: Records) -> None:
+def pose_bodies(time_s: float, people: Records, feet: Records, arms: Records, grips: Records, parts: Records) -> None:
     """Pose the bodies of `P` people above their feet.
 
     Args:
@@ -48,14 +48,17 @@ def pose_bodies(time_s: float, people: Records, feet: Records, arms: Records, pa
         people: `(P,)` records of `PERSON`.
         feet: `(P, 2)` records of `FOOT`, the left one first.
         arms: `(P, 2)` records of `ARM`.
+        grips: `(P, 2)` records of `GRIP`.
         parts: `(P, 13)` records of `PART`, set.
     """
     for index in range(len(people)):
-        _pose_body(people[index], feet, arms, parts, index, time_s)
+        _pose_body(people[index], feet, arms, grips, parts, index, time_s)
 
 
 @part_of_kernel
-def _pose_body(person: Any, feet: Records, arms: Records, parts: Records, index: int, time_s: float) -> None:
+def _pose_body(
+    person: Any, feet: Records, arms: Records, grips: Records, parts: Records, index: int, time_s: float
+) -> None:
     """Set the parts of a person above placed feet."""
     pelvis, torso, head = parts[index, _PELVIS], parts[index, _TORSO], parts[index, _HEAD]
     crouch, bend, sit, heading = person.crouch, person.bend, person.sit, person.heading
@@ -65,6 +68,7 @@ def _pose_body(person: Any, feet: Records, arms: Records, parts: Records, index:
     drop = _PELVIS_ROLL * person.amplitude * math.cos(stride - _TURN * 0.15)
     # At rest, the weight is on one leg, over which the hip is higher.
     leaning = math.sin(person.glance_phase) * max(1.0 - 2.0 * person.amplitude, 0.0) * (1.0 - sit) * (1.0 - crouch)
+    leaning *= 1.0 - person.rides
     drop += _RESTING_ROLL * leaning
     bank = min(max(-0.6 / _GRAVITY * person.speed * person.turn, -0.2), 0.2)
     gaze = min(max(0.35 * person.turn, -0.5), 0.5)
@@ -82,7 +86,8 @@ def _pose_body(person: Any, feet: Records, arms: Records, parts: Records, index:
 
     # A crouching person's pelvis moves back as the chest leans forward: the weight stays above the feet.
     back = person.thigh_m * (_CROUCH_BACK * crouch + _BEND_BACK * bend + _SIT_BACK * sit)
-    sway = person.sway_m * math.cos(_TURN * (person.phase - 0.30)) + _RESTING_SHIFT_M * leaning
+    back -= person.ahead_m
+    sway = person.sway_m * math.cos(_TURN * (person.phase - 0.30)) + _RESTING_SHIFT_M * leaning + person.aside_m
     cos, sin = math.cos(heading), math.sin(heading)
     pelvis.x, pelvis.y, pelvis.z = person.x - sway * sin - back * cos, person.y + sway * cos - back * sin, 0.0
     for side in range(2):
@@ -107,7 +112,8 @@ def _pose_body(person: Any, feet: Records, arms: Records, parts: Records, index:
         thigh.z += height_m
         sole.x, sole.y, sole.z = foot.ankle_x, foot.ankle_y, foot.ankle_z
         _set_rotation(sole, foot.yaw, 0.0, -foot.pitch)
-        _bend_leg(thigh, shank, sole, 0.5 * (foot.yaw + heading), person)
+        yaw, legs = 0.5 * (foot.yaw + heading), (person.thigh_m, person.shank_m, person.reach)
+        _bend_limb(thigh, shank, (sole.x, sole.y, sole.z), (math.cos(yaw), math.sin(yaw), 0.0), 1.0, legs)
 
         # Shoulder: 24 deg back near the same side's heel strike, 8 deg forward near the other's; elbow: largest
         # flexion as the arm swings forward (Murray, American Journal of Physical Medicine 46:290, 1967, at natural
@@ -128,6 +134,12 @@ def _pose_body(person: Any, feet: Records, arms: Records, parts: Records, index:
         _attach(upper, fore, 0.0, 0.0, -person.upper_arm_m)
         _set_rotation(fore, -0.25 * sign, sign * (arm.share * arm.forearm - 0.9 * person.arm_roll), -elbow)
         _turn_along(upper, fore)
+        grip = grips[index, side]
+        if grip.on > 0.0:
+            # The elbow points down, back and outward.
+            pole = _in_world(torso, -0.5, 0.35 * sign, -0.8)
+            links = (person.upper_arm_m, person.grip_m, person.reach)
+            _bend_limb(upper, fore, (grip.x, grip.y, grip.z), pole, -1.0, links)
 
 
 @part_of_kernel
@@ -176,29 +188,39 @@ def _in_world(part: Any, x: float, y: float, z: float) -> tuple[float, float, fl
 
 
 @part_of_kernel
-def _bend_leg(thigh: Any, shank: Any, foot: Any, knee_yaw: float, person: Any) -> None:
-    """Set the knee and the rotations of thigh and shank from hip and ankle: z up along the bone, x to the bent knee.
+def _bend_limb(
+    upper: Any,
+    lower: Any,
+    end: tuple[float, float, float],
+    pole: tuple[float, float, float],
+    sign: float,
+    links: tuple[float, float, float],
+) -> None:
+    """Set the middle joint and the rotations of both links of a limb from its ends: z up along the bone.
 
-    The knee bends towards `knee_yaw`; a leg that does not reach points at the ankle, extended.
+    The joint bends towards the pole, as knees do, to which x points; with a sign of -1 x points away from it, as from
+    an elbow. `links` are both lengths and the longest reach relative to their sum: a limb that does not reach points at
+    the end, extended.
     """
-    thigh_m, shank_m = person.thigh_m, person.shank_m
-    x, y, z = foot.x - thigh.x, foot.y - thigh.y, foot.z - thigh.z
-    distance, length = math.sqrt(x * x + y * y + z * z), thigh_m + shank_m
-    reach = min(max(distance, 0.35 * length), person.reach * length)
+    upper_m, lower_m, longest = links
+    x, y, z = end[0] - upper.x, end[1] - upper.y, end[2] - upper.z
+    distance, length = math.sqrt(x * x + y * y + z * z), upper_m + lower_m
+    reach = min(max(distance, 0.35 * length), longest * length)
     x, y, z = x / max(distance, 1e-9), y / max(distance, 1e-9), z / max(distance, 1e-9)
-    # Ahead of the line from hip to ankle, and to its left.
-    along = math.cos(knee_yaw) * x + math.sin(knee_yaw) * y
-    ahead_x, ahead_y, ahead_z = math.cos(knee_yaw) - along * x, math.sin(knee_yaw) - along * y, -along * z
+    # Towards the pole, square to the line between the ends, and to the left of both.
+    along = pole[0] * x + pole[1] * y + pole[2] * z
+    ahead_x, ahead_y, ahead_z = pole[0] - along * x, pole[1] - along * y, pole[2] - along * z
     norm = math.sqrt(ahead_x * ahead_x + ahead_y * ahead_y + ahead_z * ahead_z)
     ahead_x, ahead_y, ahead_z = ahead_x / norm, ahead_y / norm, ahead_z / norm
     left_x, left_y, left_z = ahead_y * z - ahead_z * y, ahead_z * x - ahead_x * z, ahead_x * y - ahead_y * x
-    # Law of cosines: angle at the hip between the thigh and the line to the ankle.
-    cos = (thigh_m * thigh_m + reach * reach - shank_m * shank_m) / (2.0 * thigh_m * reach)
-    along, across = thigh_m * cos, thigh_m * math.sqrt(max(1.0 - cos * cos, 0.0))
-    thigh_x, thigh_y, thigh_z = along * x + across * ahead_x, along * y + across * ahead_y, along * z + across * ahead_z
-    shank.x, shank.y, shank.z = thigh.x + thigh_x, thigh.y + thigh_y, thigh.z + thigh_z
-    _set_bone(thigh, left_x, left_y, left_z, thigh_x, thigh_y, thigh_z)
-    _set_bone(shank, left_x, left_y, left_z, reach * x - thigh_x, reach * y - thigh_y, reach * z - thigh_z)
+    left_x, left_y, left_z = sign * left_x, sign * left_y, sign * left_z
+    # Law of cosines: angle between the upper link and the line to the end.
+    cos = (upper_m * upper_m + reach * reach - lower_m * lower_m) / (2.0 * upper_m * reach)
+    along, across = upper_m * cos, upper_m * math.sqrt(max(1.0 - cos * cos, 0.0))
+    bone_x, bone_y, bone_z = along * x + across * ahead_x, along * y + across * ahead_y, along * z + across * ahead_z
+    lower.x, lower.y, lower.z = upper.x + bone_x, upper.y + bone_y, upper.z + bone_z
+    _set_bone(upper, left_x, left_y, left_z, bone_x, bone_y, bone_z)
+    _set_bone(lower, left_x, left_y, left_z, reach * x - bone_x, reach * y - bone_y, reach * z - bone_z)
 
 
 @part_of_kernel

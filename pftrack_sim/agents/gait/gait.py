@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.gait.body import pose_bodies
 from pftrack_sim.agents.gait.curves import SWING
+from pftrack_sim.agents.gait.mobility import Rider
 from pftrack_sim.agents.gait.posture import PLAIN, Posture
-from pftrack_sim.agents.gait.records import ARM, FOOT, PART, PARTS, PERSON
+from pftrack_sim.agents.gait.records import ARM, FOOT, GRIP, PART, PARTS, PERSON
 from pftrack_sim.agents.gait.walk import walk
 from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.scenario.mobility import Mobility
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.places.seats import SEAT_M
 
@@ -30,19 +33,28 @@ class Gait:
     Args:
         anatomies: Their bodies.
         rngs: One generator per person, for individual step width, arm swing, posture and start phase.
+        uses: What some of them move with, by index.
 
     Attributes:
         start_phase: `(P,)` gait phase with which a steady walk starts; may be set before `reset`.
         positions: `(P, 13, 3)` of their parts [m], in the order of `person.PARTS`.
         rotations: `(P, 13, 3, 3)`.
+        riders: Those who move with something, by index.
     """
 
-    def __init__(self, anatomies: Sequence[Anatomy], rngs: Sequence[np.random.Generator]) -> None:
+    def __init__(
+        self,
+        anatomies: Sequence[Anatomy],
+        rngs: Sequence[np.random.Generator],
+        uses: Mapping[int, Mobility] = MappingProxyType({}),
+    ) -> None:
+        self.riders = {index: Rider(kind, anatomies[index]) for index, kind in uses.items()}
         normal = np.array([rng.normal(size=6) for rng in rngs]).reshape(-1, 6).clip(-2.0, 2.0).T
         uniform = np.array([rng.random(4) for rng in rngs]).reshape(-1, 4).T
         count = len(anatomies)
         self._people = people = np.zeros(count, PERSON)
         self._feet, self._arms = np.zeros((count, 2), FOOT), np.zeros((count, 2), ARM)
+        self._grips = np.zeros((count, 2), GRIP)
         for name in _SEGMENTS:
             people[name] = [getattr(one, name) for one in anatomies]
         soles = np.array([one.sole_m for one in anatomies]).T
@@ -51,6 +63,7 @@ class Gait:
         people["shoulder_x"], people["shoulder_z"] = -_SHOULDERS_BACK * height, people["torso_m"] - drop
         people["seated_m"] = SEAT_M + _SIT_HIP * height
         people["reach"] = _LEG_REACH
+        people["grip_m"] = [one.forearm_m + 0.72 * one.hand_m for one in anatomies]
         # Arms hang wider with larger girth.
         people["arm_roll"] = np.radians(9.5 + 1.5 * normal[5]) + 0.45 * np.maximum(girth - 1.0, 0.0)
         people["arm_swing"], people["lean"] = 1.0 + 0.18 * normal[3], np.radians(1.5 + 1.2 * normal[4])
@@ -89,7 +102,7 @@ class Gait:
     @property
     def quaternions(self) -> FloatArray:
         """`(P, 13, 4)` w, x, y, z of the parts."""
-        return _quaternions(self.rotations)
+        return quaternions(self.rotations)
 
     def reset(
         self,
@@ -130,12 +143,14 @@ class Gait:
         """Move by a tick, or start; with new arrays, so that those of the last tick stay as they are."""
         parts = np.empty((len(self._people), PARTS), PART)
         walk(dt_s, self._people, self._feet, SWING)
-        pose_bodies(self._time_s, self._people, self._feet, self._arms, parts)
+        for index, rider in self.riders.items():
+            rider.move(dt_s, self._people[index], self._feet[index], self._grips[index])
+        pose_bodies(self._time_s, self._people, self._feet, self._arms, self._grips, parts)
         numbers = parts.view(np.float64).reshape(*parts.shape, -1)
         self.positions, self.rotations = numbers[..., :3], numbers[..., 3:].reshape(*parts.shape, 3, 3)
 
 
-def _quaternions(rotations: FloatArray) -> FloatArray:
+def quaternions(rotations: FloatArray) -> FloatArray:
     """`(..., 4)` unit quaternions w, x, y, z of `(..., 3, 3)` rotation matrices.
 
     Of the four candidates, one per component as divisor, the one with the largest divisor is taken (Shepperd 1978).

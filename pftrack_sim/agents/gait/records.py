@@ -13,7 +13,8 @@ _PERSON_FIELDS = (
     # The longest reach of a leg relative to the sum of its links.
     "height_m", "pelvis_m", "torso_m", "thigh_m", "shank_m", "upper_arm_m", "hip_half_m", "ankle_m",
     "heel_x", "heel_radius", "toe_x", "toe_radius", "shoulder_x", "shoulder_half_m", "shoulder_z", "seated_m",
-    "reach",
+    # Elbow to grip.
+    "reach", "grip_m",
     # Habits: roll of the upper arms outward [rad], their swing relative to other people's, forward lean [rad], rates
     # [rad/s] and phases of breathing and glances, ankles beside the line of progress walking and standing [m], and the
     # phase at which a steady walk starts.
@@ -21,6 +22,8 @@ _PERSON_FIELDS = (
     "walk_half_m", "stand_half_m", "start_phase",
     # Numbers of a `Posture`; 1 for running.
     "crouch", "bend", "look", "sit", "runs",
+    # Of who rides: 1, and where the pelvis is ahead of and to the left of x, y [m]. 0 on foot.
+    "rides", "ahead_m", "aside_m",
     # Where the body is to be at the end of the tick: x, y [m] and heading [rad].
     "to_x", "to_y", "to_heading",
     # The walk: place and heading, smoothed velocity [m/s] and turn rate [rad/s], fraction of the stride since the left
@@ -56,6 +59,9 @@ FOOT = record_type(
 
 ARM = record_type([(name, "f8") for name in ("share", "shoulder", "elbow", "outward", "forearm")])
 """An `Arm`; the share of an arm that swings is 0."""
+
+GRIP = record_type([(name, "f8") for name in ("on", "x", "y", "z")])
+"""Where a hand holds something [m], if `on` is 1."""
 
 _PART_FIELDS = (
     "x", "y", "z", "forward_x", "left_x", "up_x", "forward_y", "left_y", "up_y", "forward_z", "left_z", "up_z",

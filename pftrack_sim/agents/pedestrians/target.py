@@ -15,6 +15,7 @@ from pftrack_sim.agents.pedestrians.avoidance import FAR_M
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.scenario import people
 from pftrack_sim.scenario.axes import TargetAxis
+from pftrack_sim.scenario.mobility import ABLE
 from pftrack_sim.scenario.people import (
     Action,
     Approach,
@@ -133,6 +134,8 @@ class TargetWalk:
             turn_rad = sight_rad + _TOWARDS_RAD[action.towards] - self.heading_rad
             self._asked_rad = math.remainder(turn_rad, 2.0 * math.pi)
         self._begun = True
+        if self._target.uses is not None and action.kind not in ABLE[self._target.uses]:
+            return Command(0.0)  # A manoeuvre of the axis that needs legs
         return command(action, self._time_s - action.at_s, self._asked_rad)
 
     def _speed_behind(self, robot: tuple[float, float, float, float]) -> float:

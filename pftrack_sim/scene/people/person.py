@@ -12,12 +12,14 @@ import numpy as np
 
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import IntArray
-from pftrack_sim.scenario.people import Clothes
+from pftrack_sim.scenario.clothes import Clothes
+from pftrack_sim.scenario.mobility import Mobility
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 from pftrack_sim.scene.people import body_meshes
 from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
 from pftrack_sim.scene.people.head_mesh import head_mesh
 from pftrack_sim.scene.people.mesh import TriangleMesh, mirrored
+from pftrack_sim.scene.people.mobility import add_mobility, body_name, parts
 from pftrack_sim.scene.people.outfit import Outfit, dressed, groomed, sample_outfit, similar_outfit
 from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, paint_atlas
 from pftrack_sim.scene.scene_spec import BLANK, SceneSpec
@@ -57,6 +59,7 @@ class Person:
     name: str
     anatomy: Anatomy
     outfit: Outfit
+    uses: Mobility | None = None
 
 
 def sample_people(
@@ -68,6 +71,7 @@ def sample_people(
     passer_similarities: Sequence[float] = (),
     member_similarities: Sequence[float] = (),
     clothes: Clothes | None = None,
+    uses: Mobility | None = None,
 ) -> tuple[Person, ...]:
     """Sample `target`, `distractor-1`.., `crosser-1`.., `passer-1`.., `member-1`..; adding a person changes no other.
 
@@ -76,7 +80,7 @@ def sample_people(
     passes close by the target or belongs to a group. Who crosses, to cover the target, is no smaller and no slimmer.
     `clothes` says what the target's are, the rest is drawn.
     """
-    target = sample_target(seed, "target", target_height_m, clothes or Clothes())
+    target = sample_target(seed, "target", target_height_m, clothes or Clothes(), uses)
     roles = {
         "distractor": [distractor_similarity] * distractor_count,
         "crosser": crosser_similarities,
@@ -91,12 +95,13 @@ def sample_people(
     return (target, *others)
 
 
-def sample_target(seed: int, name: str, height_m: float, clothes: Clothes) -> Person:
+def sample_target(seed: int, name: str, height_m: float, clothes: Clothes, uses: Mobility | None = None) -> Person:
     """Sample a target; what `clothes` says is not drawn."""
     return Person(
         name,
         groomed(sample_anatomy(stream(seed, "anatomy", name), height_m), clothes),
         dressed(sample_outfit(stream(seed, "clothes", name)), clothes),
+        uses,
     )
 
 
@@ -138,6 +143,8 @@ def add_person(spec: SceneSpec, person: Person) -> None:
     material = spec.add_material(name=f"{name}/surface", specular=0.06, shininess=0.1, reflectance=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = texture
     capsules = _collision_capsules(person.anatomy)
+    if person.uses is not None:
+        add_mobility(spec, name, person.uses, person.anatomy.height_m)
     for part, triangles in part_meshes(person).items():
         full_name = f"{name}/{part}"
         coordinates = triangles.pixels / ATLAS_SIZE
@@ -174,6 +181,13 @@ def part_mocap_ids(model: mujoco.MjModel, names: Sequence[str]) -> IntArray:
     """`(P, 13)` ids of the mocap bodies of people with these names, in the order of `PARTS`."""
     ids = [[int(model.body(f"{name}/{part}").mocapid[0]) for part in PARTS] for name in names]
     return np.array(ids, dtype=np.intp).reshape(-1, len(PARTS))
+
+
+def mobility_names(person: Person) -> list[str]:
+    """Names of the bodies of what a person moves with, in the order of its parts."""
+    if person.uses is None:
+        return []
+    return [body_name(person.name, person.uses, part.name) for part in parts(person.uses, person.anatomy.height_m)]
 
 
 def _collision_capsules(anatomy: Anatomy) -> dict[str, tuple[float, list[float]]]:

@@ -11,7 +11,7 @@ import pytest
 from pftrack_sim import scenario
 from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.core.data_files import asset_table
-from pftrack_sim.scenario.people import Clothes
+from pftrack_sim.scenario.clothes import Clothes
 from pftrack_sim.scene.build import add_agents
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 from pftrack_sim.scene.people.anatomy import sample_anatomy
