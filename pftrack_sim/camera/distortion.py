@@ -12,6 +12,8 @@ would appear in the image. Beyond 1.1 times the radius of the image corners it i
 The equidistant model as in `cv2.fisheye` (Kannala and Brandt, "A generic camera model and calibration method for
 conventional, wide-angle, and fish-eye lenses", IEEE PAMI 28(8), 2006): a ray at the angle t from the axis falls at
 t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8) focal lengths from the principal point, up to where that no longer rises.
+A *wide* lens of this kind sees more than 80 degrees off its axis: its rays have no normalized coordinates, and are
+directions of length 1 instead.
 """
 
 from __future__ import annotations
@@ -29,9 +31,14 @@ from pftrack_sim.core.types import FloatArray
 
 _VALID_RADII = 1.1  # The polynomial is used up to this multiple of the radius of the farthest corner
 _LEAST_SCALE = 0.05  # Local magnification relative to the image centre below which a lens counts as folding
-_WIDEST_DEG = 80.0  # Angle from the axis up to which one pinhole image holds what a pixel sees
+_PINHOLE_RAD = np.deg2rad(80.0)  # Angle from the axis up to which one pinhole image holds what a pixel sees
+_WIDEST_RAD = np.deg2rad(150.0)
+_SEEN = 1.1  # Bodies are cut at this multiple of the widest angle of an image, which is beyond its corners
 _EQUIDISTANT = ("k1", "k2", "k3", "k4")
 _ANGLES = np.linspace(0.0, 0.5 * np.pi, 1801)
+_WIDE_ANGLES = np.linspace(0.0, 0.95 * np.pi, 4001)
+_NEWTON_STEPS = 4
+_POWERS = np.array([2, 4, 6, 8])
 
 _INVERSION_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
 
@@ -50,7 +57,7 @@ class Lens:
 
     Raises:
         ParameterError: Coefficients of another number or not finite, or a lens that is not invertible over the image or
-            sees more than 80 degrees off its axis.
+            sees more than 150 degrees off its axis.
     """
 
     def __init__(self, K: ArrayLike, coefficients: Sequence[float], size: tuple[int, int]) -> None:
@@ -64,8 +71,13 @@ class Lens:
             )
         self.equidistant = len(self.coefficients) == 4
         self.distorts = distorts(self.coefficients)
-        self._valid_radius = self._risen_angle() if self.equidistant else np.inf
-        if self.distorts:
+        self._valid_radius = self._risen_angle(_ANGLES) if self.equidistant else np.inf
+        farthest = np.hypot(*np.maximum(np.abs(self.K[:2, 2]), np.abs(self.K[:2, 2] - size)) / self.K[(0, 1), (0, 1)])
+        self.wide = self.equidistant and self._valid_radius > _PINHOLE_RAD and farthest > self._height(_PINHOLE_RAD)
+        """Whether it sees so far off its axis that an image is composed of several pinhole renderings."""
+        if self.wide:
+            self._valid_radius = self._widest_angle(float(farthest))
+        elif self.distorts:
             self._valid_radius = self._checked_radius()
 
     def to_pixels(self, normalized: ArrayLike) -> FloatArray:
@@ -77,7 +89,28 @@ class Lens:
     def numbers(self) -> LensNumbers:
         """All numbers of the lens, for kernels."""
         coefficients = np.append(self.coefficients, np.zeros(8 - len(self.coefficients))).tolist()
-        return *focal_and_centre(self.K), *coefficients, self._valid_radius, float(self.equidistant)
+        return *focal_and_centre(self.K), *coefficients, self._valid_radius, float(self.equidistant) + float(self.wide)
+
+    def rays(self, pixels: ArrayLike) -> FloatArray:
+        """`(..., 3)` directions of `(..., 2)` pixels: of a wide lens of length 1, else with 1 along the axis."""
+        if not self.wide:
+            normalized = self.to_normalized(pixels)
+            return np.concatenate([normalized, np.ones((*normalized.shape[:-1], 1))], axis=-1)
+        scaled = (np.asarray(pixels, dtype=np.float64) - self.K[:2, 2]) / self.K[(0, 1), (0, 1)]
+        height = np.hypot(scaled[..., 0], scaled[..., 1])
+        angle: FloatArray = np.interp(height, self._height(self._risen), self._risen)
+        for _ in range(_NEWTON_STEPS):
+            angle = angle - (self._height(angle) - height) / self._slope(angle)
+        across = np.divide(np.sin(angle), height, out=np.ones_like(height), where=height > 0.0)
+        return np.concatenate([across[..., None] * scaled, np.cos(angle)[..., None]], axis=-1)
+
+    def _height(self, angle_rad: ArrayLike) -> FloatArray:
+        """Image height of an equidistant lens [focal lengths]."""
+        angle = np.asarray(angle_rad, dtype=np.float64)
+        return angle * (1.0 + angle[..., None] ** _POWERS @ self.coefficients)
+
+    def _slope(self, angle_rad: FloatArray) -> FloatArray:
+        return 1.0 + angle_rad[..., None] ** _POWERS @ (self.coefficients * (3, 5, 7, 9))
 
     def to_normalized(self, pixels: ArrayLike) -> FloatArray:
         """`(..., 2)` normalized image coordinates of `(..., 2)` pixels in the image or just beside it."""
@@ -90,11 +123,24 @@ class Lens:
         undistorted = undistort(flat, self.K, self.coefficients, criteria=_INVERSION_CRITERIA)
         return np.asarray(undistorted, dtype=np.float64).reshape(given.shape)
 
-    def _risen_angle(self) -> float:
-        """Angle from the axis up to which the image height of an equidistant lens rises, at most a right one [rad]."""
-        powers = _ANGLES[:, None] ** (2, 4, 6, 8)
-        falls = 1.0 + powers @ (self.coefficients * (3, 5, 7, 9)) < _LEAST_SCALE
-        return float(_ANGLES[np.argmax(falls) if falls.any() else -1])
+    def _risen_angle(self, angles: FloatArray) -> float:
+        """The first of some angles from the axis from which the image height no longer rises, or the last [rad]."""
+        falls = self._slope(angles) < _LEAST_SCALE
+        return float(angles[np.argmax(falls) if falls.any() else -1])
+
+    def _widest_angle(self, farthest: float) -> float:
+        """Angle beyond the farthest corner of a wide lens's image; `ParameterError` where it does not see there."""
+        width, height = self.size
+        risen = self._risen_angle(_WIDE_ANGLES)
+        self._risen = _WIDE_ANGLES[: np.searchsorted(_WIDE_ANGLES, risen)]
+        seen = self._risen[: np.searchsorted(self._risen, _WIDEST_RAD)]
+        if not farthest < self._height(seen[-1]):
+            raise ParameterError(
+                f"the equidistant lens k1, k2, k3, k4 = {[round(float(k), 6) for k in self.coefficients]} sees up to "
+                f"{np.rad2deg(seen[-1]):.0f} degrees off its axis, and a corner of the {width} x {height} image is "
+                "farther out: crop the image, or take a larger focal length"
+            )
+        return min(_SEEN * float(np.interp(farthest, self._height(seen), seen)), risen)
 
     def _checked_radius(self) -> float:
         """Radius up to which the polynomial is used; raises `ParameterError` where it is not invertible up to there."""
@@ -111,12 +157,6 @@ class Lens:
         if not np.isfinite(normalized).all():
             raise not_invertible
         radii = np.sqrt((normalized**2).sum(axis=-1))
-        widest_deg = float(np.rad2deg(np.arctan(radii.max())))
-        if self.equidistant and widest_deg > _WIDEST_DEG and self._valid_radius > np.deg2rad(_WIDEST_DEG):
-            raise ParameterError(
-                f"the equidistant lens sees {widest_deg:.0f} degrees off its axis in a corner of the {width} x "
-                f"{height} image; the limit is {_WIDEST_DEG:.0f}: crop the image, or take a larger focal length"
-            )
         if not np.abs(self.to_pixels(normalized) - pixels).max() < _ROUND_TRIP_PX:
             raise not_invertible
         if self.equidistant:

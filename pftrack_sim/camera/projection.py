@@ -18,11 +18,13 @@ from pftrack_sim.core.types import FloatArray, IntArray
 
 LensNumbers: TypeAlias = tuple[float, ...]
 """14: fx, fy, cx, cy [px]; k1, k2, p1, p2, k3, k4, k5, k6, or k1 to k4 of an equidistant lens and zeros; radius up to
-which the polynomial is used, of an equidistant lens the angle [rad]; and 1 for an equidistant one, else 0."""
+which the polynomial is used, of an equidistant lens the angle [rad]; and 1 for an equidistant one, 2 for a wide one,
+else 0."""
 
 _STEP = 1e-6  # Relative step of the derivative along a ray
 _ROW_TOLERANCE_PX, _MOST_STEPS = 1e-3, 32
 _SWEEP_INSTANTS = 5  # Instants of each point's exposure whose extent is the swept one
+_LARGE = 0.25  # Share of the width from which triangles through a wide lens may reach anywhere
 _SMALL_PX, _SMALL_BEND_PX = 8.0, 0.1  # How far, at most, the sides of triangles up to that size bend
 
 
@@ -143,9 +145,10 @@ def bound_triangles(
                     left, right = min(left, places[vertex, 0]), max(right, places[vertex, 0])
                     top, bottom = min(top, places[vertex, 1]), max(bottom, places[vertex, 1])
             bend = _SMALL_BEND_PX
-            if 0 < ahead < 3:
+            size = max(right - left, bottom - top)
+            if 0 < ahead < 3 or (readout.lens[13] > 1.0 and size > _LARGE * width):
                 bend = np.inf
-            elif max(right - left, bottom - top) > _SMALL_PX:
+            elif size > _SMALL_PX:
                 for corner in range(3):
                     one, two = first + faces[face, corner], first + faces[face, (corner + 1) % 3]
                     x = 0.5 * (vertices[one, 0] + vertices[two, 0])
@@ -208,7 +211,10 @@ def _place(x: float, y: float, z: float, geom: int, readout: Readout) -> tuple[f
 
 @part_of_kernel
 def _see(x: float, y: float, z: float, geom: int, when_s: float, readout: Readout) -> tuple[float, float, float]:
-    """Pixel and depth of a point of a geom at an instant; a point before the near plane is projected as if on it."""
+    """Pixel and depth of a point of a geom at an instant; a point before the near plane is projected as if on it.
+
+    Of a wide lens it is the distance in the place of the depth, and -1 of a point farther off its axis than it sees.
+    """
     times_s, poses = readout.times_s, readout.poses
     last = len(times_s) - 1
     index, share = 0, 0.0
@@ -221,6 +227,11 @@ def _see(x: float, y: float, z: float, geom: int, when_s: float, readout: Readou
     right = (1.0 - share) * _along(poses, index, 0, geom, x, y, z) + share * _along(poses, after, 0, geom, x, y, z)
     below = (1.0 - share) * _along(poses, index, 1, geom, x, y, z) + share * _along(poses, after, 1, geom, x, y, z)
     depth = (1.0 - share) * _along(poses, index, 2, geom, x, y, z) + share * _along(poses, after, 2, geom, x, y, z)
+    if readout.lens[13] > 1.0:
+        aside = math.sqrt(right * right + below * below)
+        angle = math.atan2(aside, depth)
+        across, down = _project_angle(right, below, aside, angle, readout.lens)
+        return across, down, math.sqrt(aside * aside + depth * depth) if angle <= readout.lens[12] else -1.0
     inverse = 1.0 / max(depth, readout.near_m)
     across, down = _project(right * inverse, below * inverse, readout.lens)
     return across, down, depth
@@ -254,9 +265,14 @@ def _project(x: float, y: float, lens: LensNumbers) -> tuple[float, float]:
 @part_of_kernel
 def _project_equidistant(x: float, y: float, lens: LensNumbers) -> tuple[float, float]:
     """Pixel of a ray through a lens whose image height is a polynomial of the angle; beyond its limit it is linear."""
-    fx, fy, cx, cy, k1, k2, k3, k4 = lens[:8]
     radius = math.sqrt(x * x + y * y)
-    angle = math.atan(radius)
+    return _project_angle(x, y, radius, math.atan(radius), lens)
+
+
+@part_of_kernel
+def _project_angle(x: float, y: float, radius: float, angle: float, lens: LensNumbers) -> tuple[float, float]:
+    """Pixel of a ray at an angle to the axis, which lies at x and y beside it, at the distance `radius` from it."""
+    fx, fy, cx, cy, k1, k2, k3, k4 = lens[:8]
     inside = min(angle, lens[12])
     square = inside * inside
     height = inside * (1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4))))

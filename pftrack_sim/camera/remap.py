@@ -44,11 +44,17 @@ class RayGrid:
         self.y_px: FloatArray = cell * (np.arange(self.bands + 2, dtype=np.float64) - 0.5)
         """`(bands + 2,)` heights of the grid rows [px]; the first and last are outside the image."""
         grid = np.stack(np.broadcast_arrays(x, self.y_px[:, None]), axis=-1)
-        normalized = lens.to_normalized(grid)
-        self._rays = np.concatenate([normalized, np.ones((*normalized.shape[:2], 1))], axis=-1)
+        self._rays = lens.rays(grid)
 
     def reproject(self, first: int, last: int, poses: FloatArray, T_world_render: FloatArray) -> FloatArray:
         """`(rows, columns + 2, 2)` normalized coordinates on a rendered image of the rays of some bands of rows.
+
+        Arguments are those of `directions`.
+        """
+        return normalized(self.directions(first, last, poses, T_world_render))
+
+    def directions(self, first: int, last: int, poses: FloatArray, T_world_render: FloatArray) -> FloatArray:
+        """`(rows, columns + 2, 3)` rays of some bands of rows in the axes of the camera of a rendered image.
 
         The camera may rotate and travel over level ground: what a ray sees is assumed to lie on the ground z = 0, and
         above the horizon at infinity (homography of a plane: Hartley and Zisserman, 2nd ed., section 13.1).
@@ -63,8 +69,7 @@ class RayGrid:
         positions = poses[..., None, :3, 3]
         inverse_ranges = inverse_ground_range(rays, positions)
         travelled = (positions - T_world_render[:3, 3]) * inverse_ranges[..., None]
-        local = (rays + travelled) @ T_world_render[:3, :3]
-        return local[..., :2] / local[..., 2:]
+        return (rays + travelled) @ T_world_render[:3, :3]
 
     def pixel_map(self, first: int, last: int, normalized: FloatArray, K: FloatArray, top: int = 0) -> PixelMap:
         """`(rows, W, 2)` map from the pixels of bands `first` to `last` - 1 to places on a rendered image.
@@ -73,7 +78,11 @@ class RayGrid:
         row of it that y counts from.
         """
         fx, fy, cx, cy = focal_and_centre(K)
-        coarse = (normalized * (fx, fy) + (cx - 0.5, cy - 0.5 - top)).astype(np.float32)
+        return self.interpolated(first, last, normalized * (fx, fy) + (cx - 0.5, cy - 0.5 - top))
+
+    def interpolated(self, first: int, last: int, grid: FloatArray) -> NDArray[np.float32]:
+        """`(rows, W, C)` values of the pixels of some bands, from `(rows, columns + 2, C)` values on the grid."""
+        coarse = grid.astype(np.float32)
         cell, whole = self.cell_px, ((self.columns + 2) * self.cell_px, (last - first + 2) * self.cell_px)
         fine = np.asarray(cv2.resize(coarse, whole, interpolation=cv2.INTER_LINEAR), dtype=np.float32)
         rows = self.rows(first, last)
@@ -82,6 +91,11 @@ class RayGrid:
     def rows(self, first: int, last: int) -> slice:
         """Image rows of the bands first to last - 1."""
         return slice(first * self.cell_px, min(self._size[1], last * self.cell_px))
+
+
+def normalized(rays: FloatArray) -> FloatArray:
+    """`(..., 2)` normalized coordinates of `(..., 3)` rays."""
+    return rays[..., :2] / rays[..., 2:]
 
 
 def resample(radiance: Radiance, pixel_map: PixelMap) -> Radiance:

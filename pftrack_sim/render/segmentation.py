@@ -29,8 +29,8 @@ class Segmentation:
     Attributes:
         rect: Where in the image.
         ids: `(h, w)` int32 geom ids, -1 where there is none.
-        inverse_depth: `(h, w)` float32 1 / depth along the optical axis [1/m]; that of the far plane where there is no
-            geom. Of two geoms at equal depth, the larger id is in front.
+        inverse_depth: `(h, w)` float32 1 / depth along the optical axis, through a wide `Lens` 1 / distance [1/m]; that
+            of the far plane where there is no geom. Of two geoms at equal depth, the larger id is in front.
     """
 
     rect: PixelRect

@@ -326,7 +326,8 @@ class Simulation:
     def depth(self) -> NDArray[np.float32]:
         """`(H, W)` depth along the optical axis of what each pixel of the last frame shows [m]; infinite for the sky.
 
-        Each pixel is that of its ray through the lens, at mid-exposure of its row.
+        Each pixel is that of its ray through the lens, at mid-exposure of its row. Through a lens that sees more than
+        80 degrees off its axis, it is the distance along the ray.
         """
         return self._camera.truth.depth_m()
 

@@ -47,10 +47,18 @@ class CapturedScene(Scene):
         ends = [*bodies.starts[1:], len(geoms)]
         pinhole, depths, lowest = bodies.boxes(*poses, pose, K, near_m)
         extents = self._placed.extents(geoms)
+        if self._lens.wide:
+            ends_m = (
+                np.minimum.reduceat(extents[:, 8], bodies.starts),
+                np.maximum.reduceat(extents[:, 9], bodies.starts),
+            )
+            depths, unseen = np.stack(ends_m, axis=1), ends_m[1] < near_m
+        else:
+            unseen = np.isnan(pinhole[:, 0])
         boxes, swept = (_boxes(extents[:, sides], bodies.starts) for sides in (slice(0, 4), slice(4, 8)))
         for found in (boxes, swept):
-            found[np.isnan(pinhole[:, 0])] = np.nan
-            for body in np.flatnonzero((depths[:, 0] < near_m) & (depths[:, 1] >= near_m)):
+            found[unseen] = np.nan
+            for body in np.flatnonzero((not self._lens.wide) & (depths[:, 0] < near_m) & (depths[:, 1] >= near_m)):
                 parts = range(bodies.starts[body], ends[body])
                 world = [poses[1][part] @ bodies.vertices[part].T + poses[0][part][:, None] for part in parts]
                 seen = [(points.T - pose[:3, 3]) @ pose[:3, :3] for points in world]
@@ -159,7 +167,7 @@ def draw_rows(
         triangles: Their triangles and those of others.
         bounds: `(F, 4)` of the triangles, see `bound_triangles`.
         readout: The frame.
-        rays: `(H, W, 2)` normalized coordinates of the pixels' centres.
+        rays: `(H, W, 3)` directions of the pixels' centres.
         left: First column of the arrays in the image.
         top: First row.
         ids: `(h, w)` geom along each ray.
@@ -199,10 +207,10 @@ def draw_rows(
                     continue
                 here, after = _span(sides, rays, top + row, left + low, left + high)
                 for column in range(here - left, after - left):
-                    x, y = rays[top + row, left + column, 0], rays[top + row, left + column, 1]
-                    a = sides[0, 0] * x + sides[0, 1] * y + sides[0, 2]
-                    b = sides[1, 0] * x + sides[1, 1] * y + sides[1, 2]
-                    c = sides[2, 0] * x + sides[2, 1] * y + sides[2, 2]
+                    x, y, z = rays[top + row, left + column]
+                    a = sides[0, 0] * x + sides[0, 1] * y + sides[0, 2] * z
+                    b = sides[1, 0] * x + sides[1, 1] * y + sides[1, 2] * z
+                    c = sides[2, 0] * x + sides[2, 1] * y + sides[2, 2] * z
                     if a < 0.0 or b < 0.0 or c < 0.0:
                         continue
                     inverse = (a + b + c) / volume
@@ -222,18 +230,20 @@ def _span(sides: FloatArray, rays: FloatArray, row: int, low: int, high: int) ->
     last = high - 1
     if last - low < _SHORT_PX:
         return low, high
-    bend_x = bend_y = 0.0
+    bend_x = bend_y = bend_z = 0.0
     for quarter in range(1, 4):
         column = low + quarter * (last - low) // 4
         share = (column - low) / (last - low)
         bend_x = max(bend_x, abs(rays[row, column, 0] - (1.0 - share) * rays[row, low, 0] - share * rays[row, last, 0]))
         bend_y = max(bend_y, abs(rays[row, column, 1] - (1.0 - share) * rays[row, low, 1] - share * rays[row, last, 1]))
+        # Of rays with 1 along the axis it is rounding alone.
+        bend_z = max(bend_z, abs(rays[row, column, 2] - (1.0 - share) * rays[row, low, 2] - share * rays[row, last, 2]))
     first, end = low, high
     for side in range(3):
         across, down, ahead = sides[side, 0], sides[side, 1], sides[side, 2]
-        slack = 2.0 * (abs(across) * bend_x + abs(down) * bend_y)
-        before = across * rays[row, low, 0] + down * rays[row, low, 1] + ahead + slack
-        behind = across * rays[row, last, 0] + down * rays[row, last, 1] + ahead + slack
+        slack = 2.0 * (abs(across) * bend_x + abs(down) * bend_y + abs(ahead) * bend_z)
+        before = across * rays[row, low, 0] + down * rays[row, low, 1] + ahead * rays[row, low, 2] + slack
+        behind = across * rays[row, last, 0] + down * rays[row, last, 1] + ahead * rays[row, last, 2] + slack
         if before < 0.0 and behind < 0.0:
             return low, low
         if before < 0.0:

@@ -70,10 +70,35 @@ def test_the_pixel_map_of_an_equidistant_lens_follows_the_ray_of_each_pixel(name
     assert np.abs(landed.reshape(480, 640, 2) - wanted).max() < 0.05
 
 
+@pytest.mark.parametrize("coefficients", [(0.0, 0.0, 0.0, 0.0), (0.01, -0.004, 0.001, 0.0)])
+def test_a_wide_lens_is_that_of_opencv_up_to_a_right_angle_and_of_its_polynomial_beyond(coefficients):
+    K = np.array([[198.0, 0.0, 325.0], [0.0, 199.0, 236.0], [0.0, 0.0, 1.0]])
+    lens = Lens(K, coefficients, SIZE)
+    pixels = np.stack(np.meshgrid(np.arange(640) + 0.5, np.arange(480) + 0.5), axis=-1)
+    rays = lens.rays(pixels)
+    angles = np.arccos(rays[..., 2])
+    assert lens.wide
+    assert np.rad2deg(angles.max()) > 105.0
+    assert np.abs(np.linalg.norm(rays, axis=-1) - 1.0).max() < 1e-9
+    ahead = angles < np.deg2rad(89.9)
+    seen = cv2.fisheye.projectPoints(
+        rays[ahead][:, None], np.zeros(3), np.zeros(3), K, np.array(coefficients, dtype=float)
+    )[0]
+    assert np.abs(seen[:, 0] - pixels[ahead]).max() < 1e-6
+    height = angles * np.polynomial.polynomial.polyval(angles**2, [1.0, *coefficients])
+    around = np.arctan2(rays[..., 1], rays[..., 0])[..., None]
+    wanted = height[..., None] * np.concatenate([np.cos(around), np.sin(around)], axis=-1) * (198.0, 199.0) + K[:2, 2]
+    assert np.abs(wanted - pixels).max() < 1e-6
+    grid = RayGrid(lens)
+    drawn = grid.interpolated(0, grid.bands, grid.directions(0, grid.bands, np.eye(4), np.eye(4)))
+    off = np.linalg.norm(drawn / np.linalg.norm(drawn, axis=-1, keepdims=True) - rays, axis=-1)
+    assert (off * 199.0 * 1.1).max() < 0.05  # [px]
+
+
 @pytest.mark.parametrize(
     ("focal", "coefficients", "said"),
     [
-        (240.0, (0, 0, 0, 0), "sees 9[0-9] degrees off its axis in a corner .* the limit is 80"),
+        (140.0, (0, 0, 0, 0), "sees up to 150 degrees off its axis, and a corner .* is farther out: crop"),
         (300.0, (-0.3, 0, 0, 0), "k1, k2, k3, k4 = .* not invertible over the 640 x 480 image"),
         (300.0, (0, 0, 0), "distortion needs five .* or the four of an equidistant lens"),
     ],

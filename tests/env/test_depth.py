@@ -15,6 +15,7 @@ LENSES = {
     "pinhole": {},
     "barrel": {"axes.distortion.severity": 2.0},
     "fisheye": {"camera.calibrated": {**FISHEYE, "width_px": 96, "height_px": 72}},
+    "wide fisheye": {"camera.calibrated": {**FISHEYE, "fx": 30.0, "fy": 30.0, "width_px": 96, "height_px": 72}},
 }
 
 
@@ -42,7 +43,7 @@ def test_each_pixel_is_as_far_as_what_its_ray_meets(lens: str):
         truth, depth = simulation.advance().truth, simulation.depth()
         bend = Lens(truth.K, truth.distortion.tolist(), (96, 72))
         rows, columns = np.mgrid[:72, :96] + 0.5
-        rays = np.dstack([bend.to_normalized(np.dstack([columns, rows])), np.ones_like(rows)])
+        rays = bend.rays(np.dstack([columns, rows]))
         world = rays @ truth.T_world_camera[:3, :3].T
         with np.errstate(divide="ignore"):
             ground = np.where(world[..., 2] < 0.0, -truth.T_world_camera[2, 3] / world[..., 2], np.inf)

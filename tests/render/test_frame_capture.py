@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from render_stage import HEIGHT, NEAR, WIDTH, K, new_spec
 
+from pftrack_sim import scenario
 from pftrack_sim.camera.distortion import Lens
 from pftrack_sim.camera.shake import CameraShake
 from pftrack_sim.camera.shutter import Shutter
@@ -22,6 +23,7 @@ from pftrack_sim.render.segmentation import Segmenter
 from pftrack_sim.scenario.axes import DistortionAxis
 from pftrack_sim.scenario.model import Jitter
 from pftrack_sim.scene.layout import PEOPLE_GROUP, SCENERY_GROUP
+from pftrack_sim.simulation.world import World
 from pftrack_sim.truth.observer import TruthObserver
 
 FRAME_S = 0.04
@@ -30,6 +32,11 @@ DISTORTED = DistortionAxis(severity=1.0, k1=-0.3, k2=0.09).coefficients
 WIDE = np.array([[153.0, 0.0, 161.5], [0.0, 153.0, 117.5], [0.0, 0.0, 1.0]])
 CAMERAS = {
     "barrel": (K, DISTORTED, ((0.0, 0.0), (1.2, 0.5), (-1.4, -0.8), (-1.0, 0.9))),
+    "185 degrees": (
+        np.array([[99.0, 0.0, 161.5], [0.0, 99.0, 117.5], [0.0, 0.0, 1.0]]),
+        (0.01, -0.005, 0.001, 0.0),
+        ((0.3, 0.1), (4.0, 0.2), (0.1, 4.0), (-30.0, -1.5), (-5.0, 6.0)),  # two of them on seams
+    ),
     "equidistant": (WIDE, (0.01, -0.005, 0.001, 0.0), ((0.3, 0.1), (3.5, 1.6), (-5.2, -1.5), (-2.0, 2.6))),
 }
 """Camera matrix, coefficients, and places of a ball in view, to the left and up, 4 m ahead."""
@@ -320,3 +327,31 @@ def test_visible_pixels_are_those_at_each_rows_mid_exposure(studio, lens, exposu
     assert 0.2 < truth.visible_fraction < 0.9
     assert truth.occluders == ("pole",)
     assert np.abs(sides(truth.visible_box) - sides(boxes.from_mask(visible))).max() <= 1.0
+
+
+@pytest.mark.parametrize("edge", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_an_image_of_185_degrees_has_no_seams(edge: tuple[float, float]):
+    """Along an edge of the cube about the camera it is what a pinhole shows that looks at that edge."""
+    lens = Lens([[198.0, 0.0, 325.0], [0.0, 199.0, 236.0], [0.0, 0.0, 1.0]], (0.01, -0.004, 0.001, 0.0), (640, 480))
+    world = World(scenario.load("plaza-walk", {"lights.shadows": False}).resolve(0), 0)
+    pose, capture = world.camera_pose(), FrameCapture(world.model, lens, Shutter(0.0, 0.0, 480), STILL)
+    capture.record(world.data, 0.0, pose, world.root_poses())
+    with Rasteriser(world.model, *capture.render_size) as faces, Rasteriser(world.model, 800, 800) as renderer:
+        image = capture.capture(faces).image.astype(float)
+        ahead = np.array([*edge, 1.0]) / np.sqrt(2.0)
+        right = np.cross((0.0, 1.0, 0.0), ahead) if edge[0] else np.array([1.0, 0.0, 0.0])
+        right /= np.linalg.norm(right)
+        turn = np.eye(4)
+        turn[:3, :3] = np.stack([right, np.cross(ahead, right), ahead], axis=1)
+        K = np.array([[400.0, 0.0, 400.0], [0.0, 400.0, 400.0], [0.0, 0.0, 1.0]])
+        single = renderer.color(world.data, pose @ turn, K)
+    seen = capture.pixel_rays @ turn[:3, :3]
+    places = (400.0 * seen[..., :2] / np.maximum(seen[..., 2:], 0.1) + 399.5).astype(np.float32)
+    wanted = cv2.remap(single, places, None, cv2.INTER_AREA).astype(float)
+    # Differences of rays from the edge, across it, of length 1: a pixel is 1 / 198.
+    off = (capture.pixel_rays[..., :2] @ np.array(edge) - capture.pixel_rays[..., 2]) / np.sqrt(2.0)
+    inside = (places > 5).all(axis=-1) & (places < 794).all(axis=-1)
+    gaps = np.abs(image - wanted).mean(axis=-1)
+    on, beside = (float(gaps[inside & near].mean()) for near in (np.abs(off) < 3 / 198, np.abs(off) > 20 / 198))
+    assert (inside & (np.abs(off) < 3 / 198)).sum() > 500
+    assert on < max(1.3 * beside, 2.0) < 8.0, (on, beside)

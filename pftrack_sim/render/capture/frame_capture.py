@@ -6,7 +6,9 @@ motion in the image requires (`pass_planner`):
 
 - bands of rows, where near scenery shifts during readout; moving bodies need none of these, as each of their parts is
   rendered where it is when its row is exposed;
-- samples over the exposure, where anything shifts other than by camera rotation.
+- samples over the exposure, where anything shifts other than by camera rotation;
+- faces of a cube about the camera, as many as it sees, where the lens is wide. Each pixel is of the face that its own
+  ray meets, so that they join without a gap.
 """
 
 from __future__ import annotations
@@ -19,11 +21,19 @@ from functools import cached_property
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from pftrack_sim.camera.distortion import Lens, distorts
 from pftrack_sim.camera.pinhole import focal_and_centre
 from pftrack_sim.camera.projection import Readout, place_vertices
-from pftrack_sim.camera.remap import PixelMap, RadianceAccumulator, RayGrid, inverse_ground_range, resample
+from pftrack_sim.camera.remap import (
+    PixelMap,
+    RadianceAccumulator,
+    RayGrid,
+    inverse_ground_range,
+    normalized,
+    resample,
+)
 from pftrack_sim.camera.shake import CameraShake
 from pftrack_sim.camera.shutter import Shutter
 from pftrack_sim.camera.trajectory import CameraTrajectory
@@ -42,6 +52,15 @@ _SHAKE_MARGIN_PX = 6
 _LARGEST_RATIO, _LARGEST_FISHEYE_RATIO = 1.6, 3.0
 """Largest size of a rendered image relative to the camera image; larger ones are rendered at a smaller scale."""
 
+_FACE_HALF = 1.06  # Half the width of a face's image, of 1 its own half: what its last pixels are interpolated from
+_LEAST_AHEAD = 0.1  # Rays that are less ahead of a face, of length 1, are none of its own
+_FACES: FloatArray = np.array(
+    [[(1, 0, 0), (0, 1, 0), (0, 0, 1)], [(0, 0, 1), (0, 1, 0), (-1, 0, 0)], [(0, 0, -1), (0, 1, 0), (1, 0, 0)],
+     [(1, 0, 0), (0, 0, 1), (0, -1, 0)], [(1, 0, 0), (0, 0, -1), (0, 1, 0)], [(-1, 0, 0), (0, 1, 0), (0, 0, -1)]],
+    dtype=np.float64,
+)  # fmt: skip
+"""`(6, 3, 3)` rotations by which the cameras of a cube's faces are turned: ahead, right, left, down, up, back."""
+
 _POSES_PER_FRAME = 9  # Instants within a frame between which camera poses are interpolated
 _MOST_TURN = 0.02  # Rotation [rad] between the instants of a `Readout`: its straight lines are off by turn^2 / 8
 
@@ -57,6 +76,8 @@ class RenderPass:
         K: `(3, 3)` its camera matrix [px].
         rows: Rows of the rendered image that are used.
         pixel_maps: For each time it is resampled, `(rows, W, 2)` places in those rows.
+        T_camera_render: `(4, 4)` by which its camera is turned; None where it looks as the camera of the frame does.
+        masks: For each time, `(rows, W, 1)` 1 where a pixel is of it, else 0; None where all are.
     """
 
     bands: tuple[int, int]
@@ -65,6 +86,8 @@ class RenderPass:
     K: FloatArray
     rows: slice
     pixel_maps: tuple[PixelMap, ...]
+    T_camera_render: FloatArray | None = None
+    masks: tuple[NDArray[np.uint8], ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,11 +127,14 @@ class FrameCapture:
         self._scratch = mujoco.MjData(model)
         self._bounds, self._near_m = Bounds(model), clip_depths_m(model)[0]
         self._history = PoseHistory(shutter.window_s)
-        self._instant_pass: RenderPass | None = None
+        self._instant_passes: list[RenderPass] = []
 
     @cached_property
     def render_size(self) -> tuple[int, int]:
         """Width and height of the rendered images [px]."""
+        if self.lens.wide:
+            side = 2 * math.ceil(_FACE_HALF * float(max(focal_and_centre(self.lens.K)[:2])))
+            return side, side
         low, high = _coordinate_range([self.rays.reproject(0, self.rays.bands, np.eye(4), np.eye(4))])
         size = np.array(self.lens.size)
         beyond = (high - low) * focal_and_centre(self.lens.K)[:2] - size
@@ -151,12 +177,8 @@ class FrameCapture:
         if renderer is not None:
             for sample_offsets in offsets.reshape(plan.samples, plan.rotations):
                 for bands in itertools.pairwise(plan.edges):
-                    render_pass = self._render_pass(bands, sample_offsets, size)
-                    scene = self.scene_of(render_pass)
-                    image = renderer.color(scene, render_pass.T_world_camera, render_pass.K, rows=render_pass.rows)
-                    radiance = accumulator.decode(image)
-                    for pixel_map in render_pass.pixel_maps:
-                        accumulator.add(self.rays.rows(*bands), resample(radiance, pixel_map))
+                    for render_pass in self._render_passes(bands, sample_offsets, size):
+                        self._draw(render_pass, renderer, accumulator)
         return CapturedFrame(
             accumulator.mean() if renderer is not None else None,
             self,
@@ -165,6 +187,15 @@ class FrameCapture:
             self._history.people(middle),
             self._history.bodies(middle),
         )
+
+    def _draw(self, render_pass: RenderPass, renderer: Renderer, accumulator: RadianceAccumulator) -> None:
+        scene = self.scene_of(render_pass)
+        image = renderer.color(scene, render_pass.T_world_camera, render_pass.K, rows=render_pass.rows)
+        radiance, rows = accumulator.decode(image), self.rays.rows(*render_pass.bands)
+        masks = render_pass.masks or itertools.repeat(None)
+        for pixel_map, mask in zip(render_pass.pixel_maps, masks, strict=False):
+            light = resample(radiance, pixel_map)
+            accumulator.add(rows, light if mask is None else light * mask)
 
     def scene_of(self, render_pass: RenderPass) -> mujoco.MjData:
         """Scene of a render pass: every moving geom where it is when the middle of its rows in the pass is exposed.
@@ -192,10 +223,13 @@ class FrameCapture:
 
     @cached_property
     def pixel_rays(self) -> FloatArray:
-        """`(H, W, 2)` normalized coordinates of the centres of the pixels of the camera image."""
+        """`(H, W, 3)` directions of the centres of the pixels of the camera image, see `Lens.rays`."""
         bands, lens = self.rays.bands, self.lens
+        if lens.wide:
+            return lens.rays(np.moveaxis(np.indices(lens.size[::-1])[::-1], 0, -1) + 0.5)
         pixels = self.rays.pixel_map(0, bands, self.rays.reproject(0, bands, np.eye(4), np.eye(4)), lens.K)
-        return (pixels + (0.5 - lens.K[:2, 2])) / lens.K[(0, 1), (0, 1)]
+        rays = (pixels + (0.5 - lens.K[:2, 2])) / lens.K[(0, 1), (0, 1)]
+        return np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=-1)
 
     def _readout(self) -> Readout:
         """How the rows see the geoms in the frame recorded last."""
@@ -219,23 +253,67 @@ class FrameCapture:
         times = places[:, 3].reshape(-1, 8)[moving]
         return np.stack([times.min(axis=1), times.max(axis=1)])
 
-    def _render_pass(self, bands: tuple[int, int], offsets_s: FloatArray, size: tuple[int, int]) -> RenderPass:
-        """Render pass for the light of some bands of rows at offsets from the mid-exposure of each row."""
-        if self._instant_pass is not None:
-            return replace(self._instant_pass, T_world_camera=self._trajectory.poses[0])
+    def _render_passes(self, bands: tuple[int, int], offsets_s: FloatArray, size: tuple[int, int]) -> list[RenderPass]:
+        """Render passes for the light of some bands of rows at offsets from the mid-exposure of each row."""
+        if self._instant_passes:
+            pose = self._trajectory.poses[0]
+            turns = [(one, one.T_camera_render) for one in self._instant_passes]
+            return [replace(one, T_world_camera=pose if turn is None else pose @ turn) for one, turn in turns]
         shutter, offset_s = self.shutter, float(offsets_s.mean())
         first, last = bands
         y_px = self.rays.y_px[first : last + 2]
         pose = self._trajectory.at(float(shutter.row_s(0.5 * (y_px[0] + y_px[-1]))) + offset_s)
         when = shutter.row_s(y_px) if shutter.readout_s else np.array(shutter.middle_s)
-        grids = [self.rays.reproject(first, last, self._trajectory.at(when + offset), pose) for offset in offsets_s]
+        rays = [self.rays.directions(first, last, self._trajectory.at(when + offset), pose) for offset in offsets_s]
+        passes = (self._faces if self.lens.wide else self._pinhole)(bands, offset_s, pose, rays, size)
+        if shutter.instant:
+            self._instant_passes = passes
+        return passes
+
+    def _pinhole(
+        self,
+        bands: tuple[int, int],
+        offset_s: float,
+        pose: FloatArray,
+        rays: Sequence[FloatArray],
+        size: tuple[int, int],
+    ) -> list[RenderPass]:
+        """The pass that holds all of some rays at each time."""
+        (first, last), grids = bands, [normalized(one) for one in rays]
         K = _fit_camera_matrix(self.lens, grids, size)
         rows = _rows_used(grids, K, size[1])
         pixel_maps = tuple(self.rays.pixel_map(first, last, grid, K, rows.start) for grid in grids)
-        render_pass = RenderPass(bands, offset_s, pose, K, rows, pixel_maps)
-        if shutter.instant:
-            self._instant_pass = render_pass
-        return render_pass
+        return [RenderPass(bands, offset_s, pose, K, rows, pixel_maps)]
+
+    def _faces(
+        self,
+        bands: tuple[int, int],
+        offset_s: float,
+        pose: FloatArray,
+        rays: Sequence[FloatArray],
+        size: tuple[int, int],
+    ) -> list[RenderPass]:
+        """A pass for each face of a cube that some rays meet at some time."""
+        first, last = bands
+        owners = [(self.rays.interpolated(first, last, one) @ _FACES[:, :, 2].T).argmax(axis=-1) for one in rays]
+        K, passes = np.diag([0.5 * size[0] / _FACE_HALF, 0.5 * size[1] / _FACE_HALF, 1.0]), list[RenderPass]()
+        K[:2, 2] = 0.5 * np.array(size)
+        for face, turn in enumerate(_FACES):
+            masks = tuple((owner == face).astype(np.uint8)[..., None] for owner in owners)
+            if not any(mask.any() for mask in masks):
+                continue
+            turned = [one @ turn for one in rays]
+            ahead = [np.maximum(one[..., 2:], _LEAST_AHEAD) for one in turned]
+            grids = [one[..., :2] / depth for one, depth in zip(turned, ahead, strict=True)]
+            maps = [self.rays.pixel_map(first, last, grid, K) for grid in grids]
+            used = np.concatenate([one[..., 1][mask[..., 0] > 0] for one, mask in zip(maps, masks, strict=True)])
+            top, bottom = max(math.floor(used.min()) - 1, 0), min(math.ceil(used.max()) + 2, size[1])
+            T_camera_render = np.eye(4)
+            T_camera_render[:3, :3] = turn
+            maps = tuple(one - np.array([0, top], dtype=np.float32) for one in maps)
+            rows, turned_pose = slice(top, bottom), pose @ T_camera_render
+            passes.append(RenderPass(bands, offset_s, turned_pose, K, rows, maps, T_camera_render, masks))
+        return passes
 
 
 def is_instantaneous(settings: ResolvedScenario) -> bool:

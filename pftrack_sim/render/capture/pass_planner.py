@@ -91,10 +91,12 @@ class PassPlanner:
         R_world_camera = trajectory.rotations(self._shutter.middle_s)
         for when in (start_s, end_s):
             local = (history.geoms(when)[0][moving] - trajectory.positions(when)) @ R_world_camera
-            depth = local[:, 2]
-            pixels.append(self._lens.K[0, 0] * local[:, :2] / np.maximum(depth, NEAREST_M)[:, None])
+            depth = np.linalg.norm(local, axis=1) if self._lens.wide else local[:, 2]
+            pixels.append(self._lens.K[0, 0] * self._seen(local))
         size = np.array(self._lens.size)
-        in_view = (depth > NEAREST_M) & (np.abs(pixels[1]) < 0.75 * size).all(axis=1)
+        in_view = depth > NEAREST_M
+        if not self._lens.wide:
+            in_view &= (np.abs(pixels[1]) < 0.75 * size).all(axis=1)
         shifts = np.linalg.norm(pixels[1] - pixels[0], axis=1)[in_view]
         radii = self._model.geom_rbound[history.moving[moving]][in_view]
         heights = 2.0 * radii * self._lens.K[1, 1] / depth[in_view]
@@ -105,8 +107,8 @@ class PassPlanner:
         across, down = (
             (np.arange(count) + 0.5) / count * side for count, side in zip(_PROBE_GRID, self._lens.size, strict=True)
         )
-        rays = self._lens.to_normalized(np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2))
-        directions = np.column_stack([rays, np.ones(len(rays))]) @ pose[:3, :3].T
+        rays = self._lens.rays(np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2))
+        directions = rays @ pose[:3, :3].T
         distances, geoms = np.empty(len(rays)), np.empty(len(rays), dtype=np.int32)
         groups = np.zeros(6, dtype=np.uint8)
         groups[SCENERY_GROUP] = 1
@@ -124,24 +126,27 @@ class PassPlanner:
         nearest = np.clip(camera, -half_sizes, half_sizes) + centres
         points = data.geom_xpos[geoms] + np.einsum("nij,nj->ni", axes, nearest)
         local = (points - pose[:3, 3]) @ pose[:3, :3]
+        if self._lens.wide:
+            return points[np.linalg.norm(local, axis=1) > NEAREST_M]
         limits = 0.5 * np.array(self._lens.size) / self._lens.K[(0, 1), (0, 1)]
-        return points[(local[:, 2] > NEAREST_M) & (np.abs(_normalized(local)) < limits).all(axis=1)]
+        return points[(local[:, 2] > NEAREST_M) & (np.abs(self._seen(local)) < limits).all(axis=1)]
 
     def _scenery_shift(self, trajectory: CameraTrajectory, points: FloatArray, start_s: float, end_s: float) -> float:
         """Largest shift of scenery points [px], without camera rotation and the remapped travel over the ground."""
         if len(points) == 0:
             return 0.0
         pose = trajectory.at(self._shutter.middle_s)
-        reference = _normalized((points - pose[:3, 3]) @ pose[:3, :3])
+        reference = self._seen((points - pose[:3, 3]) @ pose[:3, :3])
         offsets: list[FloatArray] = []
         for when in (start_s, end_s):
             position = trajectory.positions(when)
             rays = points - position
             remapped = rays + (position - pose[:3, 3]) * inverse_ground_range(rays, position)[:, None]
-            offsets.append(_normalized(remapped @ pose[:3, :3]) - reference)
+            offsets.append(self._seen(remapped @ pose[:3, :3]) - reference)
         return float(self._lens.K[0, 0] * np.linalg.norm(offsets[1] - offsets[0], axis=1).max())
 
-
-def _normalized(local: FloatArray) -> FloatArray:
-    """`(N, 2)` normalized image coordinates of `(N, 3)` points in camera axes."""
-    return np.asarray(local[:, :2] / np.maximum(local[:, 2:], NEAREST_M))
+    def _seen(self, local: FloatArray) -> FloatArray:
+        """`(N, 2)` normalized coordinates of `(N, 3)` points in camera axes; of a wide lens `(N, 3)` directions."""
+        if self._lens.wide:
+            return local / np.maximum(np.linalg.norm(local, axis=1, keepdims=True), NEAREST_M)
+        return np.asarray(local[:, :2] / np.maximum(local[:, 2:], NEAREST_M))
