@@ -92,7 +92,8 @@ def mast_of(roles: Roles) -> Mast:
     ]
     if lacks:
         raise ParameterError(
-            f"{path}: drive = 'motors' takes the names of our own robot's file; it lacks {', '.join(lacks[:6])}"
+            f"{path}: drive = 'motors' takes the names of our own robot's file; it lacks {', '.join(lacks[:6])}; "
+            "copy that (see your-robot.md), or take another drive"
         )
     pole = spec.geom("pole")
     kg_m = float(pole.mass / (2.0 * pole.size[1]))
