@@ -293,7 +293,9 @@ class Target(Section):
     )
     speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")
     height_m: float = number(1.74, 0.9, 2.1, "Body height; less than 1.48 is a child's.")
-    uses: Mobility | None = setting(None, "What it rides, or pushes.")
+    uses: Mobility | None = setting(
+        None, "A 'wheelchair', 'bicycle' or 'scooter' that it rides, or a 'pram' that it pushes."
+    )
     thing: Thing | None = setting(None, "What is tracked in the place of the person.")
     clothes: Clothes = Clothes()
     wardrobe: int = number(
@@ -397,7 +399,9 @@ class FurtherTarget(Section):
     path_m: tuple[Point, ...] = setting((), "Points the person walks through, as the target's.", max_length=1000)
     speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")
     height_m: float = number(1.74, 0.9, 2.1, "Body height; less than 1.48 is a child's.")
-    uses: Mobility | None = setting(None, "What it rides, or pushes.")
+    uses: Mobility | None = setting(
+        None, "A 'wheelchair', 'bicycle' or 'scooter' that it rides, or a 'pram' that it pushes."
+    )
     clothes: Clothes = Clothes()
     actions: tuple[Action, ...] = setting((), "What it does on its way, but sit and pick up.", max_length=1000)
 
