@@ -1,4 +1,4 @@
-"""The picture of lenses in docs/own-scenario.md: what an off-centre and an equidistant camera see, with truth.
+"""The picture of lenses in docs/own-scenario.md: what an off-centre camera and two equidistant ones see, with truth.
 
     python docs/site/lenses.py
 
@@ -27,9 +27,10 @@ EQUIDISTANT = """cam0:
   camera_model: pinhole
   distortion_model: equidistant
   distortion_coeffs: [0.01, -0.005, 0.001, 0.0]
-  intrinsics: [306.0, 306.5, 321.5, 236.0]
+  intrinsics: [{focal}, {focal}, 321.5, 236.0]
   resolution: [640, 480]
 """
+FOCALS_PX = 306.0, 198.0  # 120 and 185 degrees across
 
 
 def still(text: str) -> np.ndarray:
@@ -46,6 +47,6 @@ def still(text: str) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    sheet = np.hstack([still(OFF_CENTRE), still(EQUIDISTANT)])
+    sheet = np.hstack([still(OFF_CENTRE), *(still(EQUIDISTANT.format(focal=focal)) for focal in FOCALS_PX)])
     target = Path(__file__).parents[1] / "pictures" / "lenses.webp"
     cv2.imwrite(str(target), sheet[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, 80])
