@@ -47,8 +47,10 @@ def problems(error: ValidationError, tree: Tree, schema: dict[str, Any] | None =
             yield f"{dotted(path)}.kind: required key is missing (it selects the kind of this table)"
         else:
             message = found["msg"].removeprefix("Value error, ")
-            message = message[:1].lower() + message[1:]
-            yield f"{dotted(path)}: got {_short(given)}: {message}" if path else message
+            message = message[:1].lower() + message[1:].replace("valid tuple", "list")
+            # Of a whole table the message says itself which of its keys do not go together.
+            got = "" if isinstance(given, Mapping) else f"got {_short(given)}: "
+            yield f"{dotted(path)}: {got}{message}" if path else message
 
 
 def _path_in(tree: object, loc: Sequence[str | int]) -> KeyPath:

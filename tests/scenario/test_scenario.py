@@ -207,3 +207,14 @@ def test_a_manoeuvre_of_the_target_axis_is_the_action_of_its_name(kind: Manoeuvr
     action = TargetAxis(run_m_s=3.0).action(kind, 2.5)
     assert (action.kind, action.at_s) == (kind, 2.5)
     assert kind != "run" or action.model_dump()["speed_m_s"] == 3.0
+
+
+def test_keys_that_do_not_go_together_are_one_problem_whatever_the_ranges():
+    route = {"kind": "trail", "distance_m": {"uniform": [2.5, 3.0]}}
+    found = problems_of(minimal(robot={"route": route, "wheelbase_m": 0.5}))
+    assert found.count("wheelbase_m") == 1
+    assert "'trail'" not in found, "not the whole table"
+
+
+def test_a_list_is_asked_for_in_the_words_of_toml():
+    assert "target.carries: got '[bag]': input should be a list" in problems_of(minimal(), {"target.carries": "[bag]"})
