@@ -102,6 +102,7 @@ def test_margins_have_a_table_where_the_axis_was_measured():
     assert len(limit_tables(found, {"noise": LEVEL})) == 1
 
 
+@pytest.mark.slow
 def test_the_page_shows_curves_and_the_episodes_next_to_a_limit(tmp_path: Path):
     plan = plan_all(["corridor"], trackers=["ncc", "stay"], seeds=range(40), overrides=SMALL)
     wanted = Wanted(
