@@ -181,6 +181,12 @@ def test_so_it_is_behind_the_spokes_of_a_wheelchair():
     assert_truth_is_that_of_an_independent_segmentation(loaded, 1.4)
 
 
+def test_so_it_is_of_a_child():
+    size = {"camera.width_px": WIDTH, "camera.height_px": HEIGHT, "lights.shadows": False}
+    loaded = scenario.load("warehouse", size | INSTANT | {"target.height_m": 1.1})
+    assert_truth_is_that_of_an_independent_segmentation(loaded, PARTLY_HIDDEN["warehouse"])
+
+
 def assert_truth_is_that_of_an_independent_segmentation(
     loaded: scenario.Scenario, from_s: float, name: str = "target"
 ) -> None:
