@@ -379,8 +379,11 @@ class Target(Section):
             return None
         if self.thing is not None:
             return f"uses = {self.uses!r} needs a person, and the target is a thing ({self.thing.prop!r})"
-        if any(one.item != "backpack" or self.uses == "wheelchair" for one in self.carries):
-            return f"uses = {self.uses!r} needs both hands: carries {self.carries[0].item!r}"
+        for one in self.carries:
+            if one.item != "backpack":
+                return f"uses = {self.uses!r} needs both hands: carries {one.item!r}"
+            if self.uses == "wheelchair":
+                return f"uses = {self.uses!r} has a back where carries {one.item!r} would be"
         for index, one in enumerate(self.actions):
             if one.kind not in ABLE[self.uses]:
                 able = ", ".join(sorted(ABLE[self.uses]))

@@ -159,6 +159,8 @@ def test_a_wheelchair_hides_a_part_of_who_sits_in_it():
     [
         ({"target.actions": [{"kind": "bend", "at_s": 1.0}]}, "not possible with a bicycle"),
         ({"target.carries": [{"item": "umbrella"}]}, "both hands"),
+        ({"target.carries": [{"item": "backpack"}, {"item": "umbrella"}]}, "both hands: carries 'umbrella'"),
+        ({"target.uses": "wheelchair", "target.carries": [{"item": "backpack"}]}, "has a back where .* 'backpack'"),
         ({"target.thing": {"prop": "ball", "height_m": 0.3}}, "needs a person"),
         ({"target.height_m": 1.1, "target.uses": None, "target.carries": [{"item": "bag"}]}, "height_m of 1.25"),
     ],

@@ -3,9 +3,8 @@
 Segment lengths are fractions of stature from Drillis and Contini (1966), as drawn in Winter, "Biomechanics and Motor
 Control of Human Movement" (2009), figure 4.1; joints lie slightly inside the body's landmarks, and shoes add to foot
 and ankle. Stature and the spread of proportions approximate those of adults in Gordon et al., "2012 Anthropometric
-Survey of U.S. Army Personnel" (2014); the spread of girths was chosen by eye. Below
-1.48 m a body becomes a child's: at 1.1 m five and a half heads high, on legs shorter by a fifteenth (Snyder et al.,
-"Anthropometry of Infants, Children and Youths to Age 18", 1977).
+Survey of U.S. Army Personnel" (2014); the spread of girths was chosen by eye, and so were a child's larger head and
+shorter legs, which a body has in part below 1.48 m and in full from 1 m down.
 """
 
 from __future__ import annotations
