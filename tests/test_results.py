@@ -5,7 +5,7 @@ from pathlib import Path
 import duckdb
 import pytest
 import results
-from results import Part, about, make, parts, stale
+from results import Part, about, confirm, make, parts, stale
 
 SMALL = "--set camera.width_px=64 --set camera.height_px=48 --set lights.shadows=false --set duration_s=0.3 --workers 0"
 PAGE = f"""# Page
@@ -65,6 +65,30 @@ def test_a_part_is_made_once_and_again_where_command_or_code_is_another(
     monkeypatch.undo()
     monkeypatch.setattr(results, "code_of", lambda spec: {"stay": "0"})
     assert stale(part, kept) == ["other code of stay"]
+
+
+def test_a_part_that_other_code_made_stays_where_it_is_the_same_to_the_bit(
+    part: Part, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    kept = tmp_path / "kept"
+    assert make(part, tmp_path, kept)
+    file, told = kept / "tiny.parquet", about("tiny", kept)
+    assert told is not None
+    old = {**told, "environment": {**told["environment"], "code of the simulator": "0"}}
+
+    def of_other_code(query: str) -> None:
+        with duckdb.connect() as database:
+            results.keep(file, database, query, old)
+
+    of_other_code(f"FROM '{file}'")
+    assert stale(part, kept) == ["other code of the simulator"]
+    assert confirm(part, tmp_path, kept)
+    assert "the same to the bit in 2 results" in capsys.readouterr().out
+    assert stale(part, kept) == []
+    of_other_code(f"SELECT * REPLACE (if(seed = 1, '', content_sha256) AS content_sha256) FROM '{file}'")
+    assert not confirm(part, tmp_path, kept)
+    assert "another result now: open corridor base 1 stay" in capsys.readouterr().out
+    assert stale(part, kept) == ["other code of the simulator"]
 
 
 def test_the_site_marks_tables_that_are_older_than_the_code(monkeypatch: pytest.MonkeyPatch):

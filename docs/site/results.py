@@ -2,17 +2,21 @@
 
 A part is a block of tables with its command, of `bench` or `follow`, on the same page. A finished one is kept in
 `docs/site/results/NAME.parquet`, to be committed: scores and digests of every episode, the command, the code that made
-it, and how long its last command took. It is made again where the command or the code is another now; frames and
-videos stay in `runs/NAME`, from which an interrupted part goes on.
+it, and how long its last command took. It is made again where the command is another now. Where only the code is, a
+random twentieth of its episodes is played again first: if all are the same to the bit, it stays as it is, with the code
+of now beside that which made it. Frames and videos stay in `runs/NAME`, from which an interrupted part goes on.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import random
 import re
+import shlex
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -31,6 +35,13 @@ from pftrack_sim.benchmark.keys import SCORING, SIMULATOR, environment
 from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.report.markdown import update_document
 
+SHARE = 20
+"""One of so many episodes is played again, but at least `LEAST`."""
+
+LEAST = 4
+
+ANOTHER_COMMAND = "another command"
+
 ROOT = Path(__file__).parents[2]
 PAGES = (ROOT / "docs/results.md", ROOT / "docs/axes.md")
 KEPT = ROOT / "docs/site/results"
@@ -39,6 +50,7 @@ _BLOCK = re.compile(r"^<!-- tables of (\S+) -->$", re.MULTILINE)
 _COMMANDS = re.compile(r"(?:^    .*\n)+", re.MULTILINE)
 _ASSIGNMENT = re.compile(r"[A-Z]+=")
 _RUNS = ("pftrack-sim bench ", "pftrack-sim follow ")
+_EPISODE = ("kind", "scenario", "condition", "seed", "label")
 
 
 @dataclass(frozen=True)
@@ -72,7 +84,7 @@ def stale(part: Part, kept: Path = KEPT) -> list[str]:
     if known is None:
         return ["code that was not recorded"]
     now = environment()
-    found = ["another command"] if known["script"] != part.script else []
+    found = [ANOTHER_COMMAND] if known["script"] != part.script else []
     found += [f"other {name}" for name in (SIMULATOR, SCORING) if known["environment"].get(name) != now[name]]
     specs = [TrackerSpec.model_validate(one) for one in known["trackers"]]
     return found + [f"other code of {one.label}" for one in specs if code_of(one) != one.code]
@@ -91,33 +103,78 @@ def about(name: str, kept: Path = KEPT) -> dict[str, Any] | None:
 def make(part: Part, root: Path = ROOT, kept: Path = KEPT, more: str = "") -> bool:
     """Run a part and write its tables into its page; False where it is not finished, as with `--part` in `more`."""
     folder, began = root / "runs" / part.name, time.monotonic()
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    refresh = " --refresh" if is_run(folder) else ""
-    done = subprocess.run(["sh", "-c", f"{part.script} {more}{refresh}"], cwd=root, env={**os.environ, "PATH": path})
-    if done.returncode > 1:  # 1: a tracker ended with an error, which is a result
-        sys.exit(f"{part.name}: ended with {done.returncode}; make results goes on from there")
+    play(part, folder, more + (" --refresh" if is_run(folder) else ""), root)
     store = RunStore(folder)
     if not store.finished:
         return False
     told = {
+        **made_by(store),
         "script": part.script,
-        "environment": store.plan.environment,
-        "trackers": [one.model_dump(mode="json") for one in store.plan.trackers],
         "hours": (time.monotonic() - began) / 3600,
         "commit": store.record.sessions[-1].commit,
         "finished": store.record.finished,
     }
-    with atomic_write(kept / f"{part.name}.parquet") as file, store.database() as database:
-        rows = "SELECT * EXCLUDE (printed, file) FROM summary ORDER BY number, place"
-        options = f"FORMAT parquet, COMPRESSION zstd, KV_METADATA {{part: {sql_text(json.dumps(told))}}}"
-        database.execute(f"COPY ({rows}) TO {sql_text(file)} ({options})")
+    with store.database() as database:
+        query = "SELECT * EXCLUDE (printed, file) FROM summary ORDER BY number, place"
+        keep(kept / f"{part.name}.parquet", database, query, told)
     update_document(part.page, root / "runs")
     draw(part.page, part.page.parent / "pictures/results")
     return True
 
 
+def play(part: Part, folder: Path, more: str, root: Path) -> None:
+    """Run the commands of a part into a folder; the program ends where they cannot be run."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    script = f"{part.script.replace(f'--out runs/{part.name}', f'--out {shlex.quote(str(folder))}')} {more}"
+    done = subprocess.run(["sh", "-c", script], cwd=root, env={**os.environ, "PATH": path})
+    if done.returncode > 1:  # 1: a tracker ended with an error, which is a result
+        sys.exit(f"{part.name}: ended with {done.returncode}; make results goes on from there")
+
+
+def made_by(store: RunStore) -> dict[str, Any]:
+    """The code that made a run: the environment, and trackers with their own."""
+    trackers = [one.model_dump(mode="json") for one in store.plan.trackers]
+    return {"environment": store.plan.environment, "trackers": trackers}
+
+
+def keep(file: Path, database: duckdb.DuckDBPyConnection, query: str, told: dict[str, Any]) -> None:
+    """Write the rows of a query as the file of a part."""
+    options = f"FORMAT parquet, COMPRESSION zstd, KV_METADATA {{part: {sql_text(json.dumps(told))}}}"
+    with atomic_write(file) as written:
+        database.execute(f"COPY ({query}) TO {sql_text(written)} ({options})")
+
+
+def confirm(part: Part, root: Path = ROOT, kept: Path = KEPT) -> bool:
+    """Play a random twentieth of a part again; where all is the same to the bit, record the code of now for it."""
+    file, told = kept / f"{part.name}.parquet", about(part.name, kept)
+    assert told is not None
+    with tempfile.TemporaryDirectory() as folder, duckdb.connect() as database:
+        database.execute(f"CREATE VIEW kept AS FROM {sql_text(file)}")
+        episodes = len(database.execute(f"SELECT DISTINCT {', '.join(_EPISODE[:-1])} FROM kept").fetchall())
+        share = max(1, min(SHARE, episodes // LEAST))
+        play(part, Path(folder) / part.name, f"--part {random.randint(1, share)}/{share}", root)
+        store = RunStore(Path(folder) / part.name)
+        with store.database() as again:
+            now = _digests(again, "summary")
+        before = _digests(database, "kept")
+        other = [name for name, digests in now.items() if before.get(name) != digests]
+        for name in other:
+            print(f"{part.name}: another result now: {' '.join(map(str, name))}", flush=True)
+        if not other:
+            print(f"{part.name}: the same to the bit in {len(now)} results played again", flush=True)
+            keep(file, database, "FROM kept", {**told, **made_by(store)})
+    return not other
+
+
+def _digests(database: duckdb.DuckDBPyConnection, table: str) -> dict[tuple[Any, ...], tuple[str, str]]:
+    """Of every result in all but its time, and of its frames, by what names it."""
+    names = ", ".join(_EPISODE)
+    rows = database.execute(f"SELECT content_sha256, frames_digest, {names} FROM {table}").fetchall()
+    return {row[2:]: row[:2] for row in rows}
+
+
 def main(names: Sequence[str]) -> None:
-    """Make what is stale of these parts, or of all; `--list` says what that is and how many hours it took."""
+    """Make what is stale of these parts, or of all, and cannot be confirmed; `--list` says which, and their hours."""
     known = {one.name: one for one in parts()}
     wanted = [one for one in names if one != "--list"]
     if unknown := [one for one in wanted if one not in known]:
@@ -126,7 +183,9 @@ def main(names: Sequence[str]) -> None:
         reasons, told = stale(known[name]), about(name)
         hours = f"{told['hours']:.1f} h" if told else "hours unknown"
         print(f"{name}: {'up to date' if not reasons else 'made by ' + ', '.join(reasons)}; {hours}", flush=True)
-        if reasons and "--list" not in names and not make(known[name], more=os.environ.get("MORE", "")):
+        if not reasons or "--list" in names or (told and ANOTHER_COMMAND not in reasons and confirm(known[name])):
+            continue
+        if not make(known[name], more=os.environ.get("MORE", "")):
             print(f"{name}: not finished", flush=True)
 
 
