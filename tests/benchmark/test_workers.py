@@ -4,6 +4,7 @@ import os
 import shutil
 import signal
 import time
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import duckdb
@@ -14,7 +15,7 @@ from pftrack_sim.benchmark.kept import folder
 from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.benchmark.reading.merge import merge
 from pftrack_sim.benchmark.running.episode import EpisodeJob
-from pftrack_sim.benchmark.running.executor import LocalExecutor
+from pftrack_sim.benchmark.running.executor import LocalExecutor, WorkerContext
 from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core.errors import ParameterError, RunError
 from tests.benchmark.small import contents, small_plan
@@ -28,6 +29,17 @@ def plan() -> Plan:
 @pytest.fixture(scope="module")
 def one(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> RunStore:
     return run(plan, tmp_path_factory.mktemp("one") / "run", videos="none")
+
+
+def test_a_worker_begins_with_one_thread_for_linear_algebra(monkeypatch: pytest.MonkeyPatch):
+    """OpenBLAS reads it while it loads; with a thread per core, two workers on two cores take twice as long."""
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")  # the user's own stays
+    with ProcessPoolExecutor(1, WorkerContext()) as pool:
+        begun = pool.submit(os.getenv, "OPENBLAS_NUM_THREADS").result()
+        kept = pool.submit(os.getenv, "OMP_NUM_THREADS").result()
+    assert (begun, kept) == ("1", "3")
+    assert "OPENBLAS_NUM_THREADS" not in os.environ
 
 
 @pytest.mark.slow

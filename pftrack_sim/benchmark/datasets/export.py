@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
-import multiprocessing
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
@@ -16,7 +14,7 @@ from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.plan import Episode, Plan
 from pftrack_sim.benchmark.datasets.sequence_writer import QUALITIES, ExportJob, ImageFormat, export_sequence
 from pftrack_sim.benchmark.kept.files import atomic_write, write_bytes
-from pftrack_sim.benchmark.running.executor import prepare_worker
+from pftrack_sim.benchmark.running.executor import WorkerContext, prepare_worker
 from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import ParameterError, RunError, ScenarioError, UnknownNameError
 from pftrack_sim.formats import LAYOUTS
@@ -156,7 +154,7 @@ def _begin(out: Path, plan: Plan, layout: str, image: str, maps: Sequence[str]) 
         "image": image,
         "maps": list(maps),
         "version": pftrack_sim.__version__,
-        "versions": {name: importlib.metadata.version(name) for name in ("mujoco", "opencv-python-headless", "numpy")},
+        "versions": {name: keys.package_version(name) for name in ("mujoco", "opencv-python-headless", "numpy")},
         "licence": "MIT, as pftrack-sim: everything in it was made by the simulator",
         "frames_sha256": keys.digest([episode.frames_key for episode in plan.episodes()]),
         "sweeps": [sweep.model_dump(mode="json") for sweep in plan.sweeps],
@@ -188,9 +186,8 @@ def _run_all(jobs: Iterator[ExportJob], workers: int) -> Iterator[None]:
     if workers == 0:
         yield from map(export_sequence, jobs)
         return
-    context = multiprocessing.get_context("spawn")
     try:
-        with ProcessPoolExecutor(workers, context, initializer=prepare_worker) as pool:
+        with ProcessPoolExecutor(workers, WorkerContext(), initializer=prepare_worker) as pool:
             yield from pool.map(export_sequence, jobs)
     except BrokenExecutor:
         raise RunError("a process ended while it wrote a sequence; the same command goes on") from None

@@ -35,6 +35,10 @@ that one that ends its process is named and the others go on."""
 
 _PROGRESS_PERIOD_S = 0.2
 _CONNECT_S = 30
+# One core per worker: several episodes side by side gain more than several threads within a frame. With 0, Mesa's
+# software rasteriser draws in the calling thread; with 1 it would start another one.
+_ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "LP_NUM_THREADS": "0"}
+
 _JOBS_PER_THREAD = 2
 """Episodes given to a cluster for each of its threads: one runs, the other waits beside it."""
 
@@ -96,7 +100,7 @@ class LocalExecutor(Executor):
     """Runs episodes in local worker processes, which end with this process."""
 
     def __init__(self, count: int) -> None:
-        self._context = _RecordingContext()
+        self._context = WorkerContext()
         self._frames: Any = self._context.RawArray("q", count)  # rendered by each worker, which alone writes its number
         self._deaths: Counter[str] = Counter()
         self._pools = [self._start(index) for index in range(count)]
@@ -162,15 +166,25 @@ class LocalExecutor(Executor):
                 process.kill()
 
 
-class _WorkerProcess(SpawnProcess):
-    """A process in which Ctrl-C waits until `prepare_worker` ignores it.
+class WorkerProcess(SpawnProcess):
+    """A process that computes and draws with one core, and in which Ctrl-C waits until `prepare_worker` ignores it.
 
-    A new interpreter imports for seconds before it can ignore a signal, and a Ctrl-C in that time would print its
-    traceback. The mask of blocked signals is inherited.
+    A new interpreter imports for seconds before `prepare_worker` runs. Libraries of linear algebra count their threads
+    while they load, and a Ctrl-C in that time would print its traceback: environment and mask of blocked signals are
+    inherited.
     """
 
     def start(self) -> None:
         """See `multiprocessing.Process`."""
+        added = {name: value for name, value in _ONE_CORE.items() if name not in os.environ}
+        os.environ.update(added)
+        try:
+            self._start()
+        finally:
+            for name in added:
+                del os.environ[name]
+
+    def _start(self) -> None:
         if not hasattr(signal, "pthread_sigmask"):
             super().start()
             return
@@ -183,7 +197,7 @@ class _WorkerProcess(SpawnProcess):
             signal.pthread_sigmask(signal.SIG_SETMASK, previous)
 
 
-class _RecordingContext(SpawnContext):
+class WorkerContext(SpawnContext):
     """Starts processes as `spawn` does, and knows them from the moment they are made."""
 
     def __init__(self) -> None:
@@ -192,7 +206,8 @@ class _RecordingContext(SpawnContext):
 
     # There it is a class.
     def Process(self, *args: Any, **kwargs: Any) -> BaseProcess:  # pyright: ignore[reportIncompatibleVariableOverride]
-        process = _WorkerProcess(*args, **kwargs)
+        """A process that is not started yet."""
+        process = WorkerProcess(*args, **kwargs)
         self.started = [one for one in self.started if one.pid is None or one.is_alive()] + [process]
         return process
 
@@ -257,17 +272,12 @@ def _run(job: EpisodeJob) -> EpisodeFiles:
 
 
 def prepare_worker() -> None:
-    """Prepare a worker process: it ignores Ctrl-C, ends with its parent, and draws with one core."""
+    """Prepare a worker process: it ignores Ctrl-C, ends with its parent, and OpenCV computes with one core."""
     # Ctrl-C reaches the whole process group; only the parent handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_exit_with_parent, daemon=True).start()
-    # One core per worker: several episodes side by side gain more than several threads within a frame.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    # With 0, Mesa's software rasteriser draws in the calling thread; with 1 it would start another one.
-    os.environ.setdefault("LP_NUM_THREADS", "0")
     import cv2
 
     cv2.setNumThreads(1)
