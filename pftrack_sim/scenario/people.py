@@ -12,7 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.errors import UnknownNameError
 from pftrack_sim.scenario.clothes import Clothes
-from pftrack_sim.scenario.mobility import ABLE, TOP_SHARE, Mobility
+from pftrack_sim.scenario.mobility import ABLE, TOP_SHARE, TOP_SPEED_M_S, USUAL_SPEED_M_S, Mobility
 from pftrack_sim.scenario.section import (
     Angle,
     Coordinate,
@@ -294,7 +294,7 @@ class Target(Section):
     speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")
     height_m: float = number(1.74, 0.9, 2.1, "Body height; less than 1.48 is a child's.")
     uses: Mobility | None = setting(
-        None, "A 'wheelchair', 'bicycle' or 'scooter' that it rides, or a 'pram' that it pushes."
+        None, "A 'wheelchair', 'bicycle' or 'scooter' that it rides, a 'pram' that it pushes, or 'crutches'."
     )
     thing: Thing | None = setting(None, "What is tracked in the place of the person.")
     clothes: Clothes = Clothes()
@@ -384,10 +384,16 @@ class Target(Section):
                 return f"uses = {self.uses!r} needs both hands: carries {one.item!r}"
             if self.uses == "wheelchair":
                 return f"uses = {self.uses!r} has a back where carries {one.item!r} would be"
+        with_it = self.uses if self.uses == "crutches" else f"a {self.uses}"
         for index, one in enumerate(self.actions):
             if one.kind not in ABLE[self.uses]:
                 able = ", ".join(sorted(ABLE[self.uses]))
-                return f"{title(index, one)} is not possible with a {self.uses} (possible: {able})"
+                return f"{title(index, one)} is not possible with {with_it} (possible: {able})"
+        paces = {f"{title(index, one)}: ": one for index, one in enumerate(self.actions) if isinstance(one, Pace)}
+        for where, one in {"": self, **paces}.items():
+            if one.speed_m_s > TOP_SPEED_M_S.get(self.uses, math.inf):
+                most = f"at most {TOP_SPEED_M_S[self.uses]:g} ({USUAL_SPEED_M_S[self.uses]:g} is usual)"
+                return f"{where}uses = {self.uses!r} needs a speed_m_s of {most}, got {one.speed_m_s:g}"
         return None
 
 
@@ -403,7 +409,7 @@ class FurtherTarget(Section):
     speed_m_s: float = number(1.25, 0.3, 2.2, "Speed along the path.")
     height_m: float = number(1.74, 0.9, 2.1, "Body height; less than 1.48 is a child's.")
     uses: Mobility | None = setting(
-        None, "A 'wheelchair', 'bicycle' or 'scooter' that it rides, or a 'pram' that it pushes."
+        None, "A 'wheelchair', 'bicycle' or 'scooter' that it rides, a 'pram' that it pushes, or 'crutches'."
     )
     clothes: Clothes = Clothes()
     actions: tuple[Action, ...] = setting((), "What it does on its way, but sit and pick up.", max_length=1000)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.gait.body import pose_bodies
+from pftrack_sim.agents.gait.crutches import Crutches
 from pftrack_sim.agents.gait.curves import SWING
 from pftrack_sim.agents.gait.mobility import Rider
 from pftrack_sim.agents.gait.posture import PLAIN, Posture
@@ -48,7 +49,11 @@ class Gait:
         rngs: Sequence[np.random.Generator],
         uses: Mapping[int, Mobility] = MappingProxyType({}),
     ) -> None:
-        self.riders = {index: Rider(kind, anatomies[index]) for index, kind in uses.items()}
+        self.riders = {
+            index: Crutches(anatomies[index]) if kind == "crutches" else Rider(kind, anatomies[index])
+            for index, kind in uses.items()
+        }
+        self._crutches = {index: one for index, one in self.riders.items() if isinstance(one, Crutches)}
         normal = np.array([rng.normal(size=6) for rng in rngs]).reshape(-1, 6).clip(-2.0, 2.0).T
         uniform = np.array([rng.random(4) for rng in rngs]).reshape(-1, 4).T
         count = len(anatomies)
@@ -63,7 +68,7 @@ class Gait:
         people["shoulder_x"], people["shoulder_z"] = -_SHOULDERS_BACK * height, people["torso_m"] - drop
         people["seated_m"] = SEAT_M + _SIT_HIP * height
         people["reach"] = _LEG_REACH
-        people["grip_m"] = [one.forearm_m + 0.72 * one.hand_m for one in anatomies]
+        people["grip_m"] = [one.grip_m for one in anatomies]
         # Arms hang wider with larger girth.
         people["arm_roll"] = np.radians(9.5 + 1.5 * normal[5]) + 0.45 * np.maximum(girth - 1.0, 0.0)
         people["arm_swing"], people["lean"] = 1.0 + 0.18 * normal[3], np.radians(1.5 + 1.2 * normal[4])
@@ -145,8 +150,13 @@ class Gait:
         walk(dt_s, self._people, self._feet, SWING)
         for index, rider in self.riders.items():
             rider.move(dt_s, self._people[index], self._feet[index], self._grips[index])
-        pose_bodies(self._time_s, self._people, self._feet, self._arms, self._grips, parts)
+        bodies = self._time_s, self._people, self._feet, self._arms, self._grips, parts
+        pose_bodies(*bodies)
         numbers = parts.view(np.float64).reshape(*parts.shape, -1)
+        for index, crutches in self._crutches.items():
+            crutches.hold(numbers[index], self._grips[index])
+        if self._crutches:
+            pose_bodies(*bodies)  # Shoulders are where they were; arms now reach the grips
         self.positions, self.rotations = numbers[..., :3], numbers[..., 3:].reshape(*parts.shape, 3, 3)
 
 

@@ -68,7 +68,7 @@ class Rider:
         self._steer_rad = math.atan(bends)
         banks = "steering_m" in self._table
         bank = min(max(_BANK * person.speed * person.turn, -_MOST_BANK), _MOST_BANK) if banks else 0.0
-        self._frame = _turn(person.heading, bank)
+        self._frame = rotation(person.heading, bank)
         self._origin = np.array([person.x, person.y, 0.0])
         if "hips_m" in self._table:
             self._sit(person, feet)
@@ -87,11 +87,11 @@ class Rider:
             pitch = self._cranked_rad
         if turns.startswith("steer"):
             yaw, at_m = self._steer_rad, self._steered(at_m)
-        return at_m, _turn(yaw, 0.0, pitch)
+        return at_m, rotation(yaw, 0.0, pitch)
 
     def _steered(self, at_m: FloatArray) -> FloatArray:
         axis = np.array([self._scale * self._table["steering_m"], 0.0, 0.0])
-        return axis + _turn(self._steer_rad, 0.0) @ (at_m - axis)
+        return axis + rotation(self._steer_rad, 0.0) @ (at_m - axis)
 
     @property
     def _cranked_rad(self) -> float:
@@ -176,7 +176,7 @@ class Rider:
         return self._steered(both[0]), self._steered(both[1])
 
 
-def _turn(yaw: float, roll: float, pitch: float = 0.0) -> FloatArray:
+def rotation(yaw: float, roll: float, pitch: float = 0.0) -> FloatArray:
     """`(3, 3)` rotation: pitch about y, then roll about x, then yaw about z."""
     cos_y, sin_y, cos_r, sin_r = math.cos(yaw), math.sin(yaw), math.cos(roll), math.sin(roll)
     cos_p, sin_p = math.cos(pitch), math.sin(pitch)

@@ -15,7 +15,7 @@ from pftrack_sim.agents.pedestrians.avoidance import FAR_M
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.scenario import people
 from pftrack_sim.scenario.axes import TargetAxis
-from pftrack_sim.scenario.mobility import ABLE
+from pftrack_sim.scenario.mobility import ABLE, TOP_SPEED_M_S
 from pftrack_sim.scenario.people import (
     Action,
     Approach,
@@ -77,7 +77,8 @@ class TargetWalk:
         self._acts = axis.on or bool(target.actions)
         speed_m_s = target.speed_m_s
         faster_m_s = axis.severity * axis.faster_m_s if axis.on else 0.0
-        self._walking_speed_m_s = max(min(speed_m_s + faster_m_s, _MAX_WALKING_SPEED_M_S), speed_m_s)
+        most_m_s = TOP_SPEED_M_S.get(target.uses, _MAX_WALKING_SPEED_M_S)
+        self._walking_speed_m_s = max(min(speed_m_s + faster_m_s, most_m_s), speed_m_s)
         self.s_m, self.posture, self._facing_rad, self._time_s = 0.0, PLAIN, 0.0, 0.0
         self._schedule = schedule(self._target.actions, self._axis)
         self._action, self._asked_rad = next(self._schedule, None), 0.0

@@ -72,6 +72,11 @@ class Anatomy:
     glasses: Glasses = "none"
 
     @property
+    def grip_m(self) -> float:
+        """From the elbow to what a hand holds."""
+        return self.forearm_m + 0.72 * self.hand_m
+
+    @property
     def sole_m(self) -> tuple[float, float, float, float]:
         """Arcs on which the shoe rolls: x of the heel arc's centre, its radius, x of the toe arc's centre, its radius.
 

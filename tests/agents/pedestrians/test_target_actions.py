@@ -187,3 +187,15 @@ def test_schedules_that_cannot_be_are_errors_before_the_first_frame(actions: lis
 def test_an_override_of_the_duration_cuts_the_schedule():
     late = {"target.actions": [{"kind": "run", "at_s": 4.0}], "duration_s": 2.0}
     assert scenario.load("easy/plaza-walk", late).resolve(0).target.actions
+
+
+def test_the_stress_axis_makes_nobody_faster_on_crutches_than_crutches_allow():
+    axis = TargetAxis.model_validate({"severity": 5.0, "per_minute": 0.0})
+    on_foot = Target.model_validate({"path_m": LINE, "speed_m_s": 0.9})
+    speeds = []
+    for one in (on_foot, on_foot.model_copy(update={"uses": "crutches"})):
+        walk = TargetWalk(Path(LINE), one, axis)
+        for _ in range(round(5.0 / DT)):
+            walk.update(DT, FAR, (-3.0, 0.0))
+        speeds.append(np.hypot(*walk.state[2:]))
+    assert speeds == pytest.approx([1.4, 1.1])
