@@ -91,6 +91,21 @@ def test_a_part_that_other_code_made_stays_where_it_is_the_same_to_the_bit(
     assert stale(part, kept) == ["other code of the simulator"]
 
 
+@pytest.mark.slow
+def test_a_search_is_a_part_whose_first_episodes_on_an_axis_are_played_again(tmp_path: Path):
+    page = tmp_path / "docs" / "page.md"
+    page.parent.mkdir()
+    page.write_text(
+        "    pftrack-sim limit corridor --axis noise=1:64 --axis light=1:4 --trackers ncc --seeds 0:40 --budget 24 "
+        f"{SMALL} --no-videos --out runs/tiny\n\n<!-- tables of tiny -->\n<!-- end -->\n"
+    )
+    (part,) = parts([page])
+    kept = tmp_path / "kept"
+    assert make(part, tmp_path, kept)
+    assert "| What breaks in corridor | noise [x analogue gain] | light [EV] | first |" in page.read_text()
+    assert confirm(part, tmp_path, kept)
+
+
 def test_the_site_marks_tables_that_are_older_than_the_code(monkeypatch: pytest.MonkeyPatch):
     pytest.importorskip("mkdocs", reason="the extra docs is not installed")
     import hooks

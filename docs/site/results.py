@@ -1,10 +1,11 @@
 """Makes the tables of the pages by the commands above them: `make results`; PARTS="ko2012 courses" makes some.
 
-A part is a block of tables with its command, of `bench` or `follow`, on the same page. A finished one is kept in
-`docs/site/results/NAME.parquet`, to be committed: scores and digests of every episode, the command, the code that made
-it, and how long its last command took. It is made again where the command is another now. Where only the code is, a
-random twentieth of its episodes is played again first: if all are the same to the bit, it stays as it is, with the code
-of now beside that which made it. Frames and videos stay in `runs/NAME`, from which an interrupted part goes on.
+A part is a block of tables with its command, of `bench`, `follow` or `limit`, on the same page. A finished one is kept
+in `docs/site/results/NAME.parquet`, to be committed: scores and digests of every episode, the command, the code that
+made it, and how long its last command took. It is made again where the command is another now. Where only the code is,
+a random twentieth of its episodes is played again first (of `limit` the first of a random axis): if all are the same to
+the bit, it stays as it is, with the code of now beside that which made it. Frames and videos stay in `runs/NAME`, from
+which an interrupted part goes on.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.benchmark.kept.files import atomic_write, sql_text
 from pftrack_sim.benchmark.kept.folder import is_run
 from pftrack_sim.benchmark.keys import SCORING, SIMULATOR, environment
+from pftrack_sim.benchmark.limits.search import LEAST_EPISODES
 from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.report.markdown import update_document
 
@@ -49,7 +51,8 @@ KEPT = ROOT / "docs/site/results"
 _BLOCK = re.compile(r"^<!-- tables of (\S+) -->$", re.MULTILINE)
 _COMMANDS = re.compile(r"(?:^    .*\n)+", re.MULTILINE)
 _ASSIGNMENT = re.compile(r"[A-Z]+=")
-_RUNS = ("pftrack-sim bench ", "pftrack-sim follow ")
+_RUNS = ("pftrack-sim bench ", "pftrack-sim follow ", "pftrack-sim limit ")
+_AXIS, _BUDGET = re.compile(r" --axis \S+"), re.compile(r" --budget \d+")
 _EPISODE = ("kind", "scenario", "condition", "seed", "label")
 
 
@@ -103,7 +106,7 @@ def about(name: str, kept: Path = KEPT) -> dict[str, Any] | None:
 def make(part: Part, root: Path = ROOT, kept: Path = KEPT, more: str = "") -> bool:
     """Run a part and write its tables into its page; False where it is not finished, as with `--part` in `more`."""
     folder, began = root / "runs" / part.name, time.monotonic()
-    play(part, folder, more + (" --refresh" if is_run(folder) else ""), root)
+    play(part, more + (" --refresh" if is_run(folder) else ""), folder, root)
     store = RunStore(folder)
     if not store.finished:
         return False
@@ -122,7 +125,7 @@ def make(part: Part, root: Path = ROOT, kept: Path = KEPT, more: str = "") -> bo
     return True
 
 
-def play(part: Part, folder: Path, more: str, root: Path) -> None:
+def play(part: Part, more: str, folder: Path, root: Path) -> None:
     """Run the commands of a part into a folder; the program ends where they cannot be run."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     script = f"{part.script.replace(f'--out runs/{part.name}', f'--out {shlex.quote(str(folder))}')} {more}"
@@ -152,7 +155,7 @@ def confirm(part: Part, root: Path = ROOT, kept: Path = KEPT) -> bool:
         database.execute(f"CREATE VIEW kept AS FROM {sql_text(file)}")
         episodes = len(database.execute(f"SELECT DISTINCT {', '.join(_EPISODE[:-1])} FROM kept").fetchall())
         share = max(1, min(SHARE, episodes // LEAST))
-        play(part, Path(folder) / part.name, f"--part {random.randint(1, share)}/{share}", root)
+        play(*_some(part, share), Path(folder) / part.name, root)
         store = RunStore(Path(folder) / part.name)
         with store.database() as again:
             now = _digests(again, "summary")
@@ -164,6 +167,16 @@ def confirm(part: Part, root: Path = ROOT, kept: Path = KEPT) -> bool:
             print(f"{part.name}: the same to the bit in {len(now)} results played again", flush=True)
             keep(file, database, "FROM kept", {**told, **made_by(store)})
     return not other
+
+
+def _some(part: Part, share: int) -> tuple[Part, str]:
+    """A part with the script that plays a few of its episodes, and options that are added."""
+    if _RUNS[2] not in part.script:
+        return part, f"--part {random.randint(1, share)}/{share}"
+    axes = _AXIS.findall(part.script)
+    axes.remove(random.choice(axes))
+    script = _AXIS.sub(lambda one: "" if one[0] in axes else one[0], part.script)
+    return replace(part, script=_BUDGET.sub(f" --budget {LEAST_EPISODES}", script)), ""
 
 
 def _digests(database: duckdb.DuckDBPyConnection, table: str) -> dict[tuple[Any, ...], tuple[str, str]]:

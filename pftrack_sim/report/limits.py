@@ -53,6 +53,41 @@ def limit_tables(found: Limits, measured: Mapping[str, Level] = _NOTHING) -> lis
     return [*tables, margins] if margins is not None else tables
 
 
+def breaking_tables(found: Limits) -> list[Table]:
+    """For every scenario what breaks each tracker: a column for each axis, and the axis that does so first.
+
+    First is the axis with the smallest breaking point in multiples of its typical level; none where a tracker is broken
+    from the start or breaks nowhere.
+    """
+    tables: list[Table] = []
+    for scenario in dict.fromkeys(one.scenario for one in found.limits):
+        own = [one for one in found.limits if one.scenario == scenario]
+        axes = {one.axis: f"{one.axis} [{one.unit}]" for one in own}
+        cells = {(one.tracker, one.axis): _cell(one) for one in own}
+        rows = [
+            [label, *(cells[label, axis] for axis in axes), _first([one for one in own if one.tracker == label])]
+            for label in dict.fromkeys(one.tracker for one in own)
+        ]
+        tables.append(Table(f"What breaks in {scenario}", ["tracker"], [*axes.values(), "first"], rows))
+    return tables
+
+
+def _cell(one: Limit) -> str:
+    if one.breaking_point is not None and one.verdict == "breaks":
+        return f"{point_text(one)} ({interval_text(one)})"
+    return {"never breaks within the range": f"not by {one.range[1]:.3g}", "breaks": interval_text(one)}.get(
+        one.verdict, point_text(one)
+    )
+
+
+def _first(limits: Sequence[Limit]) -> str:
+    reached = [(one.breaking_point / one.typical, one) for one in limits if one.breaking_point and one.typical]
+    if not reached:
+        return "-"
+    times, one = min(reached, key=lambda pair: pair[0])
+    return f"{one.axis}, at {times:.2g} x typical"
+
+
 def _axis_of(one: Limit | Difference) -> str:
     return f"{one.scenario}, {one.axis} [{one.unit}]"
 

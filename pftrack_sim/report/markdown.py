@@ -11,9 +11,11 @@ from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
 from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.benchmark.limits.found import LIMITS, read_limits
 from pftrack_sim.benchmark.reference.standing import board
 from pftrack_sim.benchmark.said.claims import REFERENCES, evaluate_claims
 from pftrack_sim.core.errors import RunError
+from pftrack_sim.report.limits import breaking_tables
 from pftrack_sim.report.profiles import changes_or_tiers
 from pftrack_sim.report.standing import standing_tables
 from pftrack_sim.report.tables import (
@@ -52,9 +54,9 @@ _BESIDE_OVERLAP = {
 def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
     """Replace every block `<!-- tables of NAME -->` ... `<!-- end -->` by the tables of the folder `runs/NAME`.
 
-    The folder is that of a run, or of `profile`: of conditions, or of scenarios, which are shown by tier. Where there
-    is none, NAME may be a frozen suite: its reference results are shown. A block `<!-- list of axes -->` gets the
-    stress axes, `<!-- list of measures -->` the definitions of the tables' columns.
+    The folder is that of a run, of `limit`, or of `profile`: of conditions, or of scenarios, which are shown by tier.
+    Where there is none, NAME may be a frozen suite: its reference results are shown. A block `<!-- list of axes -->`
+    gets the stress axes, `<!-- list of measures -->` the definitions of the tables' columns.
 
     Args:
         document: Markdown file.
@@ -78,6 +80,8 @@ def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
         if (folder / "profile.json").is_file():
             heads, *rows = changes_or_tiers(folder / "profile.json")
             body = _table(heads, rows)
+        elif (folder / LIMITS).is_file():
+            body = "\n".join(map(_markdown, breaking_tables(read_limits(folder))))
         elif (folder / "run.json").is_file():
             body = tables(RunStore(folder))
         elif (found := board(block["name"])) is not None:

@@ -13,7 +13,14 @@ from pftrack_sim.benchmark.limits.search import Wanted, examples, find_limits, f
 from pftrack_sim.benchmark.limits.success import parse_success
 from pftrack_sim.benchmark.running.filming import film
 from pftrack_sim.measuring.measured import Level
-from pftrack_sim.report.limits import interval_text, limit_tables, margin_text, point_text, write_limits_page
+from pftrack_sim.report.limits import (
+    breaking_tables,
+    interval_text,
+    limit_tables,
+    margin_text,
+    point_text,
+    write_limits_page,
+)
 from tests.benchmark.small import SMALL
 
 FOUND = Limit(
@@ -50,6 +57,24 @@ FOUND = Limit(
 def test_what_is_no_number_is_said_in_words(changes, point, interval):
     one = FOUND.model_copy(update=changes)
     assert (point_text(one), interval_text(one)) == (point, interval)
+
+
+def test_what_breaks_first_is_the_least_in_typical_levels():
+    nowhere, at_once = "never breaks within the range", "broken from the start"
+    noise = {"axis": "noise", "unit": "x", "typical": 7.5, "breaking_point": 3.0, "low": 2.0, "high": 4.0}
+    others = [
+        FOUND.model_copy(update=noise),
+        FOUND.model_copy(update={"tracker": "stay", "verdict": nowhere, "breaking_point": None}),
+        FOUND.model_copy(update={**noise, "tracker": "stay", "verdict": at_once, "breaking_point": None}),
+    ]
+    found = Limits(success="overlap >= 0.5 for 90 % of the episode", at=0.5, limits=(FOUND, *others), differences=())
+    (table,) = breaking_tables(found)
+    assert table.title == "What breaks in corridor"
+    assert table.numbers == ["jitter [deg RMS]", "noise [x]", "first"]
+    assert table.rows == [
+        ["ncc", "1.23 (1 to 1.5)", "3 (2 to 4)", "noise, at 0.4 x typical"],
+        ["stay", "not by 12", "broken from the start", "-"],
+    ]
 
 
 def test_differences_have_a_table_of_their_own():

@@ -43,7 +43,9 @@ from pftrack_sim.core.types import FloatArray
 BATCH = 8
 """Episodes of a search that are chosen together, whatever the number of workers."""
 
-_LEAST_BATCHES = 3  # before a search may stop
+LEAST_EPISODES = 3 * BATCH
+"""Episodes of a search before it may stop."""
+
 _RISES = 0.05  # p-value below which a success rate counts as rising somewhere
 
 
@@ -73,10 +75,8 @@ class Wanted:
             raise ParameterError(f"--joint takes two axes, got {len(self.axes)}: --axis jitter --axis noise --joint")
         if not 0.0 < self.width < math.inf:
             raise ParameterError(f"the width must be above 0 %, got {100 * self.width:g} %")
-        if self.budget < BATCH * _LEAST_BATCHES:
-            raise ParameterError(
-                f"a search takes {BATCH * _LEAST_BATCHES} episodes or more, got a budget of {self.budget}"
-            )
+        if self.budget < LEAST_EPISODES:
+            raise ParameterError(f"a search takes {LEAST_EPISODES} episodes or more, got a budget of {self.budget}")
 
 
 @dataclass(eq=False)
@@ -143,7 +143,7 @@ class Search:
 
     def _enough(self, counts: FloatArray) -> str | None:
         """Why a tracker needs no more episodes; None while it does."""
-        if len(self.trials) < BATCH * _LEAST_BATCHES:
+        if len(self.trials) < LEAST_EPISODES:
             return None
         found = threshold(self.grid, counts)
         if _outside(found):
