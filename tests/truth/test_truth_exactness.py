@@ -6,7 +6,7 @@ import itertools
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import cv2
 import mujoco
@@ -24,6 +24,7 @@ from pftrack_sim.render.capture.frame_capture import CapturedFrame
 from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.segmentation import Segmenter
 from pftrack_sim.render.triangles import Detail
+from pftrack_sim.scenario.mobility import USUAL_SPEED_M_S, Mobility
 from pftrack_sim.scene.layout import PEOPLE_GROUP, body_owners
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.truth.observer import TruthObserver
@@ -173,12 +174,19 @@ def test_so_it_is_of_each_of_several_targets():
         assert_truth_is_that_of_an_independent_segmentation(scenario.load(tree, size | INSTANT), from_s, name)
 
 
-def test_so_it_is_behind_the_spokes_of_a_wheelchair():
+# Times from which what it uses, or who crosses, hides a part of it at seed 1.
+USING: dict[Mobility, float] = {"wheelchair": 1.4, "bicycle": 4.6, "scooter": 4.7, "pram": 4.9, "crutches": 5.2}
+
+
+@pytest.mark.parametrize("kind", get_args(Mobility))
+def test_so_it_is_with_a_wheelchair_a_bicycle_a_scooter_a_pram_and_crutches(kind: Mobility):
     size = {"camera.width_px": WIDTH, "camera.height_px": HEIGHT, "lights.shadows": False}
-    beside = {"target.uses": "wheelchair", "target.actions": [], "target.path_m": [[3.0, 0.0], [13.0, 0.0]]}
+    using: dict[str, Any] = {"target.uses": kind, "target.actions": [], "target.path_m": [[3.0, 0.0], [13.0, 0.0]]}
+    if kind in USUAL_SPEED_M_S:
+        using["target.speed_m_s"] = USUAL_SPEED_M_S[kind]
     near = {"robot.route": {"kind": "beside", "distance_m": 2.8, "side": "left"}}
-    loaded = scenario.load("plaza-walk", size | INSTANT | beside | near)
-    assert_truth_is_that_of_an_independent_segmentation(loaded, 1.4)
+    loaded = scenario.load("plaza-walk", size | INSTANT | using | near)
+    assert_truth_is_that_of_an_independent_segmentation(loaded, USING[kind])
 
 
 def test_so_it_is_of_a_child():
