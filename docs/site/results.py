@@ -52,7 +52,7 @@ _BLOCK = re.compile(r"^<!-- tables of (\S+) -->$", re.MULTILINE)
 _COMMANDS = re.compile(r"(?:^    .*\n)+", re.MULTILINE)
 _ASSIGNMENT = re.compile(r"[A-Z]+=")
 _RUNS = ("pftrack-sim bench ", "pftrack-sim follow ", "pftrack-sim limit ")
-_AXIS, _BUDGET = re.compile(r" --axis \S+"), re.compile(r" --budget \d+")
+_AXIS, _BUDGET = re.compile(r"--axis [\w.=:]+"), re.compile(r"--budget \d+")
 _EPISODE = ("kind", "scenario", "condition", "seed", "label")
 
 
@@ -176,7 +176,7 @@ def _some(part: Part, share: int) -> tuple[Part, str]:
     axes = _AXIS.findall(part.script)
     axes.remove(random.choice(axes))
     script = _AXIS.sub(lambda one: "" if one[0] in axes else one[0], part.script)
-    return replace(part, script=_BUDGET.sub(f" --budget {LEAST_EPISODES}", script)), ""
+    return replace(part, script=_BUDGET.sub(f"--budget {LEAST_EPISODES}", script)), ""
 
 
 def _digests(database: duckdb.DuckDBPyConnection, table: str) -> dict[tuple[Any, ...], tuple[str, str]]:
