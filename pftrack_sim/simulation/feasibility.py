@@ -14,6 +14,7 @@ import numpy as np
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.groups import group_members
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.agents.pedestrians.outline import Outline
 from pftrack_sim.agents.pedestrians.target import SEAT_FACING_RAD, SITTING_FROM_S, places_alone
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core.types import FloatArray
@@ -173,8 +174,9 @@ def meeting_problems(settings: ResolvedScenario, path: Path, seats: Sequence[Sea
     for where, one in _further(settings):
         places = places_alone(Path(one.path_m), one.person, TargetAxis(), run.times_s.tolist())
         met[where] = [np.array([place[:2] for _, place in places])]
+    target_m = _TARGET_M + Outline.of(settings.target).extra_m
     for where, tracks in met.items():
-        for who, other, least_m in (("robot", run.robot_m, _ROBOT_M), ("target", run.target_m, _TARGET_M)):
+        for who, other, least_m in (("robot", run.robot_m, _ROBOT_M), ("target", run.target_m, target_m)):
             gaps = np.min([np.hypot(*(track - other).T) for track in tracks], axis=0)
             if gaps.min() < least_m:
                 time_s = run.times_s[int(gaps.argmin())]

@@ -13,6 +13,7 @@ from pftrack_sim.agents.pedestrians.crossing import Crossing
 from pftrack_sim.agents.pedestrians.goals import positions_away_from
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, plan_oncoming_pass
+from pftrack_sim.agents.pedestrians.outline import Outline
 from pftrack_sim.agents.pedestrians.target import impossible_actions
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core import random_streams
@@ -181,6 +182,7 @@ def _plan_oncoming(
     axis = settings.axes.distractors
     obstacles = ObstacleMap(layout)
     passes: list[OncomingPass] = []
+    distance_m = axis.distance_m + Outline.of(settings.target).extra_m
     waiting_places = positions_away_from(path, obstacles, layout.bounds_m)
 
     for number, at_s in enumerate(axis.passings_s):
@@ -196,9 +198,7 @@ def _plan_oncoming(
         name = f"axes.distractors, pedestrian {number + 1}"
         with _collected(problems):
             passes.append(
-                plan_oncoming_pass(
-                    at_s, meeting_s_m, axis.distance_m, speed, path, obstacles, side, name, waiting_places
-                )
+                plan_oncoming_pass(at_s, meeting_s_m, distance_m, speed, path, obstacles, side, name, waiting_places)
             )
             if passes[-1].waiting_m is not None:
                 waiting_places = waiting_places[(waiting_places != passes[-1].waiting_m).any(axis=1)]

@@ -26,6 +26,7 @@ _MOVER_FIELDS = (
     "reaction",  # Share of the forces that it reacts to; 0 for what is moved by other laws
     "turns",  # 1 where the heading follows the velocity, at a limited rate
     "extra_m",  # Distance to keep from it, in addition to that from a person
+    "rear_m", "front_m",  # Ends of the line along its heading from which that is kept, see `Outline`; 0 of a point
     "ax", "ay",  # Acceleration [m/s^2]
 )  # fmt: skip
 MOVER = record_type([(name, "f8") for name in _MOVER_FIELDS])
@@ -70,7 +71,7 @@ _MAX_TURN_RATE_RAD_S = math.radians(120.0)
 _TURN_TIME_CONSTANT_S = 0.2
 
 # Distances restored by shifting positions where the barriers could not keep them.
-_LEAST_PERSON_M = 0.47
+LEAST_PERSON_M = 0.47
 _LEAST_WALL_M = 0.27
 _SHIFT_SWEEPS = 6
 
@@ -110,7 +111,8 @@ def _accelerate(movers: Movers, rectangles: Rectangles) -> None:
             if other_index == index:
                 continue
             other = movers[other_index]
-            from_x, from_y, rate_x, rate_y = x - other.x, y - other.y, vx - other.vx, vy - other.vy
+            other_x, other_y = _nearest(other, x, y)
+            from_x, from_y, rate_x, rate_y = x - other_x, y - other_y, vx - other.vx, vy - other.vy
             # The place of closest approach, with both a little to their right.
             speed2 = rate_x * rate_x + rate_y * rate_y + 1e-4
             ahead_s = min(max(-(from_x * rate_x + from_y * rate_y) / speed2, 0.0), _LOOKAHEAD_S)
@@ -187,7 +189,7 @@ def _move(movers: Movers, rectangles: Rectangles, tick_s: float) -> None:
                 other = movers[other_index]
                 if other_index > index or other.reaction == 0.0:
                     distance, away_x, away_y = _from_mover(other, person.x, person.y)
-                    lack = _LEAST_PERSON_M + other.extra_m - distance
+                    lack = LEAST_PERSON_M + other.extra_m - distance
                     if lack > 1e-6:
                         shifted, share = True, 0.5 if other.reaction > 0.0 else 1.0
                         _shift(person, share * lack * away_x, share * lack * away_y, tick_s)
@@ -217,9 +219,20 @@ def _shift(mover: Any, x: float, y: float, tick_s: float) -> None:
 
 
 @part_of_kernel
+def _nearest(mover: Any, x: float, y: float) -> tuple[float, float]:
+    """The point of a mover's line that is nearest to a point."""
+    if mover.rear_m == mover.front_m:
+        return mover.x, mover.y
+    cos, sin = math.cos(mover.heading), math.sin(mover.heading)
+    along = min(max((x - mover.x) * cos + (y - mover.y) * sin, mover.rear_m), mover.front_m)
+    return mover.x + along * cos, mover.y + along * sin
+
+
+@part_of_kernel
 def _from_mover(mover: Any, x: float, y: float) -> tuple[float, float, float]:
     """Distance of a point from a mover [m], and the direction x, y away from it."""
-    x, y = x - mover.x, y - mover.y
+    near_x, near_y = _nearest(mover, x, y)
+    x, y = x - near_x, y - near_y
     distance = max(math.sqrt(x * x + y * y), 1e-6)
     return distance, x / distance, y / distance
 

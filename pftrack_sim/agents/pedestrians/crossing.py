@@ -21,6 +21,7 @@ import numpy as np
 
 from pftrack_sim.agents.pedestrians.avoidance import BARRIER_RATE_S, WALL_DISTANCE_M
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
+from pftrack_sim.agents.pedestrians.outline import Outline
 from pftrack_sim.core.types import FloatArray
 
 WALKER_HALF_WIDTH_M = 0.22  # Effective half width of a person, averaged over viewing directions.
@@ -112,14 +113,22 @@ class OcclusionTrajectory:
         self._exit_rate_m_s: float | None = None
 
     def update(
-        self, dt_s: float, time_s: float, camera_m: Xy, target_m: Xy, position_m: Xy, velocity_m_s: Xy
+        self,
+        dt_s: float,
+        time_s: float,
+        camera_m: Xy,
+        target_m: Xy,
+        position_m: Xy,
+        velocity_m_s: Xy,
+        reach_m: float = 0.0,
     ) -> Xy | None:
         """Position of the mover [m] at the end of a tick, or None while it waits.
 
         Camera and target are on the ground then, position and velocity those of the mover at the beginning of the tick.
-        A mover that starts in the first two updates is already moving, with the line of sight.
+        A mover that starts in the first two updates is already moving, with the line of sight. `reach_m` is how much
+        farther the target reaches towards the camera than a person on foot.
         """
-        ux, uy, along = _point_on_sight(self.crossing.depth, camera_m, target_m)
+        ux, uy, along = _point_on_sight(self.crossing.depth, camera_m, target_m, reach_m)
         lateral = self._lateral_m(time_s)
         before, reference = (
             self._reference,
@@ -177,15 +186,15 @@ class OcclusionTrajectory:
         return -crossing.side * (half + rate * over_s + (self._exit_rate_m_s - rate) * ramped)
 
 
-def _point_on_sight(depth: float, camera_m: Xy, target_m: Xy) -> tuple[float, float, float]:
+def _point_on_sight(depth: float, camera_m: Xy, target_m: Xy, reach_m: float) -> tuple[float, float, float]:
     """Unit vector x, y of the line of sight, and the distance along it at which to cross [m]."""
     dx, dy = target_m[0] - camera_m[0], target_m[1] - camera_m[1]
     distance = math.hypot(dx, dy)
     if distance < 1e-6:
         return 1.0, 0.0, 0.0
-    farthest = distance - TARGET_DISTANCE_M
+    farthest = distance - reach_m - TARGET_DISTANCE_M
     if farthest < CAMERA_DISTANCE_M:
-        return dx / distance, dy / distance, 0.5 * distance
+        return dx / distance, dy / distance, 0.5 * (distance - reach_m)
     return dx / distance, dy / distance, min(max(depth * distance, CAMERA_DISTANCE_M), farthest)
 
 
@@ -199,11 +208,24 @@ class Phase(Enum):
 
 
 class Surroundings(NamedTuple):
-    """Positions x, y [m] on the ground at the end of a tick."""
+    """Positions x, y [m] on the ground at the end of a tick, and how the target lies there."""
 
     camera_m: Xy
     target_m: Xy
     robot_m: Xy
+    target_heading_rad: float = 0.0
+    outline: Outline = Outline()
+
+    @property
+    def reach_m(self) -> float:
+        """How much farther the target reaches towards the camera than a person on foot."""
+        (x, y), (target_x, target_y) = self.camera_m, self.target_m
+        return self.outline.reach_m(self.target_heading_rad, math.atan2(y - target_y, x - target_x))
+
+    def off_target(self, point_m: Xy, distance_m: float) -> Xy:
+        """The point, or the nearest at that distance from the target, to which its outline adds."""
+        nearest_m = self.outline.nearest(self.target_m, self.target_heading_rad, point_m)
+        return outside_circle(point_m, nearest_m, distance_m + self.outline.extra_m)
 
 
 class _Crosser:
@@ -226,12 +248,12 @@ class CrossingPedestrian(_Crosser):
         if time_s + 3.0 * dt_s < crossing.start_s:
             return  # The start needs the trajectory of the last ticks.
         x, y, vx, vy = self.state.tolist()
-        desired = trajectory.update(dt_s, time_s, around.camera_m, around.target_m, (x, y), (vx, vy))
+        desired = trajectory.update(dt_s, time_s, around.camera_m, around.target_m, (x, y), (vx, vy), around.reach_m)
         if desired is None:
             return
         self.phase = Phase.SCRIPTED
         if not crossing.at_s <= time_s <= crossing.until_s:
-            detour = outside_circle(desired, around.target_m, _CROSSING_TARGET_DISTANCE_M)
+            detour = around.off_target(desired, _CROSSING_TARGET_DISTANCE_M)
             detour = outside_circle(detour, around.robot_m, _CROSSING_ROBOT_DISTANCE_M)
             # After the cover, timing does not matter: the pedestrian is released as soon as anything is in its way.
             if trajectory.finished(time_s) or (time_s > crossing.until_s and self._blocked(dt_s, desired, detour)):
@@ -272,7 +294,7 @@ class Cart(_Crosser):
         """Advance phase and state by one tick that ends at `time_s`."""
         crossing, trajectory = self.crossing, self._trajectory
         x, y, vx, vy = self.state.tolist()
-        desired = trajectory.update(dt_s, time_s, around.camera_m, around.target_m, (x, y), (vx, vy))
+        desired = trajectory.update(dt_s, time_s, around.camera_m, around.target_m, (x, y), (vx, vy), around.reach_m)
         (camera_x, camera_y), (target_x, target_y) = around.camera_m, around.target_m
         sight_rad = math.atan2(target_y - camera_y, target_x - camera_x)
         if not self._faces:
@@ -288,7 +310,7 @@ class Cart(_Crosser):
             share = max(speed - _CART_BRAKING_M_S2 * dt_s, 0.0) / speed if speed > 0.0 else 0.0
             desired = x + share * vx * dt_s, y + share * vy * dt_s
         if not crossing.at_s <= time_s <= crossing.until_s:
-            desired = outside_circle(desired, around.target_m, _CART_TARGET_DISTANCE_M)
+            desired = around.off_target(desired, _CART_TARGET_DISTANCE_M)
             desired = outside_circle(desired, around.robot_m, _CART_ROBOT_DISTANCE_M)
             desired = self._obstacles.pushed_out(desired, _CART_WALL_DISTANCE_M)
         step_towards(self.state, dt_s, desired, _CART_SPEED_LIMIT_M_S)

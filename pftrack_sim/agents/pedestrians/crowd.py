@@ -28,6 +28,7 @@ from pftrack_sim.agents.pedestrians.goals import PREDICTION_TIMES_S, GoalManager
 from pftrack_sim.agents.pedestrians.groups import group_members
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, VisibilityGraph, Xy
 from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, OncomingPedestrian
+from pftrack_sim.agents.pedestrians.outline import Outline
 from pftrack_sim.agents.pedestrians.target import TargetWalk
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
@@ -99,6 +100,12 @@ class Crowd:
 
         self._store_targets()
         occupied = [self._state[person, :2].copy() for person in self._walks]
+        for person, walk in self._walks.items():
+            mover, line = self._movers[person], walk.outline
+            mover["rear_m"], mover["front_m"], mover["extra_m"] = line
+            if line != Outline():
+                ahead = np.array([math.cos(walk.heading_rad), math.sin(walk.heading_rad)])
+                occupied += list(self._state[person, :2] + np.linspace(line.rear_m, line.front_m, 3)[:, None] * ahead)
         for person, member in self._members.items():
             self._headings[person] = member.reset(self._state[person], self.target_s_m, self._state[0, :2])
             occupied.append(self._state[person, :2].copy())
@@ -191,7 +198,8 @@ class Crowd:
         for person, member in self._members.items():
             state, heading = self._state[person], float(self._headings[person])
             self._headings[person] = member.update(dt_s, time_s, self.target_s_m, self._state[0, :2], state, heading)
-        around = Surroundings(camera_m, self.target_m, robot_m)
+        heading_rad, outline = self._target.heading_rad, self._target.outline
+        around = Surroundings(camera_m, self.target_m, robot_m, heading_rad, outline)
         self._update_scripted(dt_s, time_s, around)
         for cart in self.carts:
             cart.update(dt_s, time_s, around)

@@ -131,7 +131,7 @@ class OncomingPedestrian:
         desired = self._lane(s)
         if abs(s - meeting) > _EXACT_LANE_M:
             desired = self._obstacles.pushed_out(desired, _WALL_DISTANCE_M)
-            desired = outside_circle(desired, around.target_m, abs(self._plan.left_m))
+            desired = around.off_target(desired, abs(self._plan.left_m))
         desired = outside_circle(desired, around.robot_m, _ONCOMING_ROBOT_DISTANCE_M)
         step_towards(self.state, dt_s, desired, _ONCOMING_SPEED_LIMIT_M_S)
 

@@ -13,6 +13,7 @@ from pftrack_sim.agents.gait.posture import PLAIN, Arm, Posture
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.avoidance import FAR_M
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
+from pftrack_sim.agents.pedestrians.outline import Outline
 from pftrack_sim.scenario import people
 from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.scenario.mobility import ABLE, TOP_SPEED_M_S
@@ -67,6 +68,7 @@ class TargetWalk:
         s_m: Arc length on the path.
         state: x, y [m] and vx, vy [m/s].
         tracked_m: x, y of the target: of the thing that the person carries, where that is the target.
+        outline: What others keep clear of.
         heading_rad: Heading of the body: the path's direction, except where it turns to something else.
         posture: Posture of the body.
     """
@@ -74,6 +76,7 @@ class TargetWalk:
     def __init__(self, path: Path, target: Target, axis: TargetAxis) -> None:
         self._path, self._axis, self._target = path, axis, target
         self._reach_m = _REACH_SHARE * target.height_m if target.carried else 0.0
+        self.outline = Outline.of(target)
         self._acts = axis.on or bool(target.actions)
         speed_m_s = target.speed_m_s
         faster_m_s = axis.severity * axis.faster_m_s if axis.on else 0.0
@@ -145,10 +148,11 @@ class TargetWalk:
         cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
         dx, dy = x - self.state[0], y - self.state[1]
         ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
-        if ahead <= 0.0 or abs(aside) > ROBOT_LANE_M:
+        if ahead <= 0.0 or abs(aside) > ROBOT_LANE_M + self.outline.extra_m:
             return math.inf
         robot_speed = max(cos * vx + sin * vy, 0.0)
-        return robot_speed + math.sqrt(2.0 * DECELERATION_M_S2 * max(ahead - ROBOT_DISTANCE_M, 0.0))
+        room_m = ahead - ROBOT_DISTANCE_M - self.outline.front_m
+        return robot_speed + math.sqrt(2.0 * DECELERATION_M_S2 * max(room_m, 0.0))
 
     def _update_state(self) -> None:
         x, y, heading = self._path.pose(self.s_m)

@@ -60,6 +60,13 @@ def parts(kind: Mobility, height_m: float) -> tuple[Part, ...]:
     return tuple(found)
 
 
+def footprint_m(kind: Mobility, height_m: float) -> tuple[float, float, float]:
+    """Rear and front end ahead of the person, and half width, of the ground that it takes."""
+    (x, _, _), (half_x, half_y, _) = asset_table("mobility")[kind]["bumper"]
+    factor = scale(height_m)
+    return factor * (x - half_x), factor * (x + half_x), factor * half_y
+
+
 def body_name(person: str, kind: Mobility, part: str) -> str:
     """Name of the body of a part: "target-bicycle/crank"."""
     return f"{person}-{kind}/{part}"

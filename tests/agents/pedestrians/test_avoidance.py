@@ -80,3 +80,14 @@ def test_what_does_not_react_is_not_moved():
     avoid(people, NO_WALLS, TICK_S)
     assert (people["x"][1], people["y"][1]) == (0.4, 0.0)
     assert people["x"][0] < 0.0
+
+
+def test_a_distance_is_kept_from_all_of_what_is_ahead_of_a_person():
+    people = movers((0.0, 0.0), (2.5, 0.02), others_react=False)
+    people["vx"][1] = people["vy"][1] = 0.0
+    people["front_m"][1] = 1.2  # It faces the first one
+    for _ in range(240):
+        avoid(people, NO_WALLS, TICK_S)
+        ahead = np.clip(2.5 - people["x"][0], 0.0, 1.2)
+        assert np.hypot(people["x"][0] - (2.5 - ahead), people["y"][0] - 0.02) > PERSON_DISTANCE_M - 0.02
+    assert people["x"][0] > 2.0, "it walked around"

@@ -1,17 +1,21 @@
 """Pedestrians keep their distances, make progress, walk smoothly, and repeat exactly for a seed."""
 
 import math
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.pedestrians.crossing import Crossing
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.goals import PaceChanges, positions_away_from
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.oncoming import plan_oncoming_pass
 from pftrack_sim.scenario import people
+from pftrack_sim.scenario.mobility import Mobility
 from pftrack_sim.scene.layout import Footprint, WalkableArea
+from pftrack_sim.scene.people.mobility import footprint_m
 
 TICK_S = 1.0 / 60.0
 FAR_M = (1e3, 1e3)
@@ -203,3 +207,48 @@ def test_nobody_starts_between_the_robot_and_the_target():
         others = crowd_of(FIELD, 12, seed).positions_m[1:]
         between = (others[:, 0] > -3.0) & (others[:, 0] < 0.0)
         assert np.abs(others[between, 1]).min(initial=np.inf) > 0.9
+
+
+RADIUS_M = 0.235  # Of people, half the least distance between two
+
+
+def into_m(crowd: Crowd, kind: Mobility, height_m: float) -> float:
+    """How far the circle of another person is in the footprint of what the target uses."""
+    rear_m, front_m, half_m = footprint_m(kind, height_m)
+    offset, heading = crowd.positions_m[1:] - crowd.positions_m[0], crowd.headings_rad[0]
+    ahead = offset @ (np.cos(heading), np.sin(heading)) - 0.5 * (front_m + rear_m)
+    aside = offset @ (-np.sin(heading), np.cos(heading))
+    over = np.maximum(np.abs([ahead, aside]).T - (0.5 * (front_m - rear_m), half_m), 0.0)
+    return RADIUS_M - float(np.linalg.norm(over, axis=1).min())
+
+
+@pytest.mark.parametrize("kind", get_args(Mobility))
+@pytest.mark.parametrize("layout", [HALL, CORRIDOR, FIELD], ids=["hall", "corridor", "field"])
+def test_nobody_enters_what_the_target_rides_or_pushes(layout: WalkableArea, kind: Mobility) -> None:
+    target = TARGET.model_copy(update={"uses": kind, "height_m": 1.85})
+    for seed in range(3):
+        crowd = Crowd(layout, target, Path(PATH_M), people.Distractors(count=9), (), seed)
+        for tick in range(round(20.0 / TICK_S)):
+            assert into_m(crowd, kind, 1.85) < 0.01
+            crowd.tick(TICK_S, (tick + 1) * TICK_S, FAR_M, FAR_M)
+
+
+def test_who_crosses_to_cover_the_target_from_a_camera_ahead_passes_before_the_pram() -> None:
+    target, camera_m = TARGET.model_copy(update={"uses": "pram"}), (11.0, 0.2)
+    crossing = Crossing(at_s=3.0, duration_s=0.6, depth=0.9, side=1, waiting_m=(6.5, -2.5), lead_s=2.5)
+    crowd = Crowd(FIELD, target, Path(PATH_M), people.Distractors(count=0), [crossing], 0)
+    for tick in range(round(6.0 / TICK_S)):
+        crowd.tick(TICK_S, (tick + 1) * TICK_S, FAR_M, camera_m)
+        assert into_m(crowd, "pram", target.height_m) < 0.01
+        if abs((tick + 1) * TICK_S - 3.3) < 0.5 * TICK_S:
+            sight = np.array(camera_m) - crowd.positions_m[0]
+            offset = crowd.positions_m[1] - crowd.positions_m[0]
+            assert abs(sight[0] * offset[1] - sight[1] * offset[0]) / np.linalg.norm(sight) < 0.03, "it covers"
+
+
+def test_a_target_with_a_pram_stops_for_a_robot_with_the_pram_clear_of_it() -> None:
+    crowd = Crowd(FIELD, TARGET.model_copy(update={"uses": "pram"}), Path(PATH_M), people.Distractors(count=0), (), 0)
+    for tick in range(900):
+        crowd.tick(TICK_S, tick * TICK_S, (5.0, 0.1), FAR_M)
+    gap_m = 5.0 - footprint_m("pram", TARGET.height_m)[1] - crowd.positions_m[0, 0]
+    assert 0.4 < gap_m < 1.2
