@@ -85,6 +85,8 @@ def _allowed_keys(path: KeyPath, tree: object, schema: dict[str, Any]) -> list[s
     for part in path:
         node = resolved_node(node, schema, value)
         node = node.get("items", {}) if isinstance(part, int) else node.get("properties", {}).get(part, {})
+        # A table that may be left out is one of two alternatives.
+        node = next((one for one in node.get("anyOf", ()) if "$ref" in one), node)
         value = value[part]
     known = sorted(resolved_node(node, schema, value).get("properties", {}))
     return [KEY, *known] if not path and schema is json_schema() else known

@@ -110,6 +110,7 @@ WRONG: list[tuple[str, dict[str, Any], str]] = [
     ("ball", {"target.thing.prop": "bal"}, "unknown prop 'bal'; did you mean 'ball'"),
     ("car", {"target.thing.surface": "paint-blu"}, "unknown surface 'paint-blu'; did you mean 'paint-blue'"),
     ("ball", {"target.thing.height_m": 9}, "target.thing.height_m"),
+    ("ball", {"target.thing.heigth_m": 0.2}, "did you mean 'height_m'"),
     ("ball", {"target.thing.moves": "flies"}, "target.thing.moves"),
     ("ball", {"target.init": "torso"}, "needs a person, and the target is a thing ('football')"),
     ("ball", {"target.actions": [{"kind": "crouch", "at_s": 1}]}, "needs legs, and 'football' is rolling"),
