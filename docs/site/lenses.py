@@ -49,4 +49,4 @@ def still(text: str) -> np.ndarray:
 if __name__ == "__main__":
     sheet = np.hstack([still(OFF_CENTRE), *(still(EQUIDISTANT.format(focal=focal)) for focal in FOCALS_PX)])
     target = Path(__file__).parents[1] / "pictures" / "lenses.webp"
-    cv2.imwrite(str(target), sheet[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, 80])
+    cv2.imwrite(str(target), sheet[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, 55])

@@ -75,6 +75,11 @@ class Path:
         index = max(bisect.bisect_right(self._begins_m, s_m) - 1, 0)
         return self._pieces[index].pose(s_m - self._begins_m[index])
 
+    @property
+    def points_m(self) -> FloatArray:
+        """`(N, 2)` the points that it goes through, with the corners that are rounded."""
+        return self._corners.copy()
+
     def at(self, s_m: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """x, y [m] and heading [rad] as by `pose` at arc lengths, each of the shape of `s_m`."""
         s = np.asarray(s_m, dtype=np.float64)

@@ -308,6 +308,8 @@ def late_events(settings: ResolvedScenario) -> list[str]:
         *((f"target.actions.{index} ({one.kind})", one.at_s) for index, one in enumerate(settings.target.actions)),
         *((f"occluders.{index} ({one.kind})", one.at_s) for index, one in enumerate(settings.occluders)),
     ]
+    pushes = settings.target.thing.pushes if settings.target.thing is not None else ()
+    times += [(f"target.thing.pushes.{index}", one.at_s) for index, one in enumerate(pushes)]
     for index, change in enumerate(settings.lights.schedule):
         begins_s = change.at_s if isinstance(change, LightStep) else change.from_s
         times.append((f"lights.schedule.{index} ({change.kind})", begins_s))

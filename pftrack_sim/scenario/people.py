@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
-from pftrack_sim.core.data_files import asset_table
-from pftrack_sim.core.errors import UnknownNameError
 from pftrack_sim.scenario.clothes import Clothes
 from pftrack_sim.scenario.mobility import ABLE, TOP_SHARE, TOP_SPEED_M_S, USUAL_SPEED_M_S, Mobility
 from pftrack_sim.scenario.section import (
@@ -24,6 +22,7 @@ from pftrack_sim.scenario.section import (
     number,
     setting,
 )
+from pftrack_sim.scenario.thing import Thing
 
 NAME = "^[A-Za-z][A-Za-z0-9_-]{0,31}$"
 """Pattern of names of targets and cameras."""
@@ -240,39 +239,6 @@ _HANDS_SHARE = 0.62  # Height of hands that carry something before the chest, as
 _ON_FOOT = Lowering | Gesture | Sit
 
 
-class Thing(Section):
-    """A thing to track, in the place of a person."""
-
-    prop: str = setting(..., "One of the props of the places: 'ball', 'juice', 'cube', 'panda', 'car', 'forklift', ...")
-    moves: Literal["sliding", "rolling", "carried"] = setting(
-        "sliding",
-        "'sliding': along the path, its front ahead; 'rolling': along the path, as a ball does; 'carried': in both "
-        "hands of a person, who walks along the path and is no part of it.",
-    )
-    height_m: float = number(..., 0.05, 4, "Height, to which the prop is scaled.")
-    surface: str = setting("paint-red", "Surface of the parts of a prop that have none of their own, as a car's paint.")
-    turn_deg: float = number(30.0, 0, 180, "Carried: how far the hands turn it to either side.")
-    turn_s: float = number(5.0, 1, 3600, "Carried: time from one side to the other and back.")
-
-    @field_validator("prop")
-    @classmethod
-    def _prop_is_known(cls, name: str) -> str:
-        return _known("prop", name, asset_table("props"))
-
-    @field_validator("surface")
-    @classmethod
-    def _surface_is_known(cls, name: str) -> str:
-        table = asset_table("materials")
-        atlases = (names for _, _, names in table["atlases"].values())
-        return _known("surface", name, [*table["tilings"], *itertools.chain(*atlases)])
-
-
-def _known(kind: str, name: str, names: Collection[str]) -> str:
-    if name not in names:
-        raise ValueError(str(UnknownNameError(kind, name, names)))
-    return name
-
-
 class Target(Section):
     """The person, or thing, to track."""
 
@@ -280,7 +246,10 @@ class Target(Section):
         "points", "'points': through `path_m`; 'auto': drawn by seed where there is room, whatever `path_m` says."
     )
     path_m: tuple[Point, ...] = setting(
-        (), "Points the target walks through; corners are rounded. It stops at the last one.", max_length=1000
+        (),
+        "Points the target walks through; corners are rounded. It stops at the last one. Of a thing that is pushed "
+        "the one where it lies at first.",
+        max_length=1000,
     )
     path_length_m: float | None = setting(
         None, "Length of an 'auto' path; by default what is walked in the episode.", ge=1, le=500
@@ -321,7 +290,12 @@ class Target(Section):
 
     @model_validator(mode="after")
     def _path_can_be_walked(self) -> Target:
-        if self.path == "points" and len(self.path_m) < 2:
+        if self.path == "points" and self.pushed and len(self.path_m) != 1:
+            raise ValueError(
+                f"path_m of a thing that is pushed must be the one point where it lies at first, got "
+                f"{len(self.path_m)}; or set path = 'auto'"
+            )
+        if self.path == "points" and not self.pushed and len(self.path_m) < 2:
             raise ValueError(f"path_m must have at least 2 points, got {len(self.path_m)}; or set path = 'auto'")
         length_m = sum(math.dist(one, other) for one, other in itertools.pairwise(self.path_m))
         if length_m > MAX_PATH_M:
@@ -332,6 +306,11 @@ class Target(Section):
     def carried(self) -> bool:
         """Whether it is a thing in a person's hands."""
         return self.thing is not None and self.thing.moves == "carried"
+
+    @property
+    def pushed(self) -> bool:
+        """Whether it is a thing that physics moves."""
+        return self.thing is not None and self.thing.moves == "pushed"
 
     @property
     def top_m(self) -> float:
@@ -357,6 +336,8 @@ class Target(Section):
         if thing is not None and self.carries:
             raise ValueError("carries: a target that is a thing carries nothing, nor has its bearer a free hand")
         for index, one in enumerate(self.actions):
+            if thing is not None and self.pushed:
+                raise ValueError(f"{title(index, one)}: {thing.prop!r} is pushed: give it target.thing.pushes")
             if thing is not None and isinstance(one, _ON_FOOT) and (not walks or one.kind == "wave"):
                 needed = "free hands" if walks else "legs"
                 raise ValueError(f"{title(index, one)} needs {needed}, and {thing.prop!r} is {thing.moves}")

@@ -38,6 +38,19 @@ class Footprint:
     height_m: float = 3.0
 
 
+def edges(bounds_m: Bounds) -> tuple[Footprint, ...]:
+    """What encloses a walkable area."""
+    left, low, right, high = bounds_m
+    x, y = 0.5 * (left + right), 0.5 * (low + high)
+    half_x, half_y = 0.5 * (right - left) + 0.4, 0.5 * (high - low) + 0.4
+    return (
+        Footprint("edge-north", (x, high + 0.2), (half_x, 0.2)),
+        Footprint("edge-south", (x, low - 0.2), (half_x, 0.2)),
+        Footprint("edge-east", (right + 0.2, y), (0.2, half_y)),
+        Footprint("edge-west", (left - 0.2, y), (0.2, half_y)),
+    )
+
+
 @dataclass(frozen=True)
 class WalkableArea:
     """The walkable area of a place.

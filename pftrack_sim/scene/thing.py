@@ -9,7 +9,7 @@ import numpy as np
 
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario.people import Thing
+from pftrack_sim.scenario.thing import Thing
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 from pftrack_sim.scene.people.person import PEOPLE_CONAFFINITY, PEOPLE_CONTYPE, UNPOSED_Z_M
 from pftrack_sim.scene.places.catalogue import load_prop
@@ -20,6 +20,7 @@ from pftrack_sim.scene.scene_spec import SceneSpec
 BODY = "body"  # Name of its only part: "target/body"
 BEARER, WALKER = "bearer", "walker"
 """Names of who carries it, and of a person who is not drawn, whose way a thing takes that moves by itself."""
+_ROUND = 1.06  # A ball of triangles, or one whose height is scaled, is not round to the last digit
 
 
 @lru_cache(maxsize=16)
@@ -47,8 +48,23 @@ def half_sizes_m(thing: Thing) -> FloatArray:
     return _extent(_meshes_of(thing))[1]
 
 
+def solid(thing: Thing) -> tuple[mujoco.mjtGeom, list[float]]:
+    """The shape that collides, with its size as MuJoCo has it, about the middle of the bounding box.
+
+    Of what is pushed a ball, or an upright cylinder, where it is about as round as that; else the bounding box.
+    """
+    half_x, half_y, half_z = half_sizes_m(thing).tolist()
+    if thing.moves == "pushed":
+        vertices = np.concatenate([mesh.vertices for mesh in _meshes_of(thing)])
+        if np.hypot(*vertices.T[:2]).max() <= _ROUND * min(half_x, half_y):
+            if np.linalg.norm(vertices, axis=1).max() <= _ROUND * half_z <= _ROUND**2 * half_x:
+                return mujoco.mjtGeom.mjGEOM_SPHERE, [half_z, 0.0, 0.0]
+            return mujoco.mjtGeom.mjGEOM_CYLINDER, [0.5 * (half_x + half_y), half_z, 0.0]
+    return mujoco.mjtGeom.mjGEOM_BOX, [half_x, half_y, half_z]
+
+
 def add_thing(spec: SceneSpec, name: str, thing: Thing) -> None:
-    """Add it as a mocap body `"name/body"`, which robots collide with as with its bounding box.
+    """Add it as a mocap body `"name/body"`, which robots collide with as with its `solid`.
 
     Its visible geoms are in the group of people: whatever is tracked is one of them to the truth.
     """
@@ -59,10 +75,11 @@ def add_thing(spec: SceneSpec, name: str, thing: Thing) -> None:
         spec.add_mesh_file(part, mesh.file)
         geom = body.add_geom(name=part, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part, material=mesh.material)
         geom.group, geom.contype, geom.conaffinity, geom.mass = PEOPLE_GROUP, 0, 0, 0.0
+    kind, size = solid(thing)
     body.add_geom(
         name=f"{name}/{BODY}/bumper",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=half_sizes_m(thing),
+        type=kind,
+        size=size,
         group=HIDDEN_GROUP,
         contype=PEOPLE_CONTYPE,
         conaffinity=PEOPLE_CONAFFINITY,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.target import TargetWalk
+from pftrack_sim.agents.pedestrians.target import walk_of
 from pftrack_sim.agents.robot.drive import ACCELERATION
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.agents.robot.steering import Steering
@@ -71,7 +71,7 @@ class DryRun:
 def dry_run(settings: ResolvedScenario, path: Path, script: Script, end_s: float) -> DryRun:
     """Let target and robot move to the first sample after `end_s`; the script is reset before."""
     robot, camera = settings.robot, settings.camera
-    target = TargetWalk(path, settings.target, settings.axes.target)
+    target = walk_of(path, settings.target, settings.axes.target)
     script.reset()
     x, y, heading, _ = script.start_pose()
     mount_rad = REST_YAW_RAD[camera.mount]

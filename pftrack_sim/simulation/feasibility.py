@@ -15,7 +15,7 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.groups import group_members
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.outline import Outline
-from pftrack_sim.agents.pedestrians.target import SEAT_FACING_RAD, SITTING_FROM_S, places_alone
+from pftrack_sim.agents.pedestrians.target import SEAT_FACING_RAD, SITTING_FROM_S, mean_speed_m_s, places_alone
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
@@ -42,7 +42,8 @@ _HALF_SEAT_M, _HALF_DEPTH_M = 0.65, 0.25
 
 def path_problems(settings: ResolvedScenario, layout: WalkableArea, path: Path) -> list[str]:
     """For each target a line for the first thing that it would walk through, or the point where it leaves the place."""
-    ways = {"target.path_m: the target": (path, settings.target.speed_m_s)}
+    # What is pushed has met the walls already.
+    ways = {} if settings.target.pushed else {"target.path_m: the target": (path, settings.target.speed_m_s)}
     for where, one in _further(settings):
         ways[f"{where}.path_m: {one.name}"] = Path(one.path_m), one.speed_m_s
     found = [
@@ -59,15 +60,15 @@ def _further(settings: ResolvedScenario) -> list[tuple[str, FurtherTarget]]:
 
 def placement_problems(settings: ResolvedScenario, layout: WalkableArea, path: Path, script: Script) -> list[str]:
     """One line for each thing that the robot would stand in, and one if the camera soon sees the target no more."""
-    target = _walked(path, settings.target.speed_m_s * settings.duration_s)
+    target = _walked(path, mean_speed_m_s(path, settings.target) * settings.duration_s)
     start = script.start_pose()
     robot = np.array([[start.x_m], [start.y_m]])
     radius_m, found = settings.robot.half_width_m, list[str | None]()
     if isinstance(settings.robot.route, StillRoute):
         found.append(_misplaced(robot, layout, radius_m, "robot.route: the robot would stand in", "be outside"))
-        gap_m = float(np.hypot(*(target - robot)).min())
-    else:
-        gap_m = float(np.hypot(*(target[:, :1] - robot)).min())
+    # A target that is pushed bounces off a robot that stands.
+    passes = isinstance(settings.robot.route, StillRoute) and not settings.target.pushed
+    gap_m = float(np.hypot(*((target if passes else target[:, :1]) - robot)).min())
     thing = settings.target.thing
     body_m = _BODY_M if thing is None else float(half_sizes_m(thing)[:2].max())
     if gap_m < radius_m + body_m:
@@ -137,10 +138,16 @@ def planned_seats(settings: ResolvedScenario, path: Path) -> list[Seat]:
     for action, (s_m, (x, y, _)) in zip(sits, found, strict=True):
         heading = path.pose(s_m)[2] + SEAT_FACING_RAD[action.side]
         seats.append(Seat(action.seat, x, y, heading, target.height_m))
-    for group in settings.groups:
-        if isinstance(group, Seated):
-            seats.append(Seat(group.seat, *group.at_m, math.radians(group.heading_deg), _SITTER_M))
-    return seats
+    return seats + group_seats(settings)
+
+
+def group_seats(settings: ResolvedScenario) -> list[Seat]:
+    """Seats of groups."""
+    return [
+        Seat(group.seat, *group.at_m, math.radians(group.heading_deg), _SITTER_M)
+        for group in settings.groups
+        if isinstance(group, Seated)
+    ]
 
 
 def seat_problems(seats: Sequence[Seat], layout: WalkableArea) -> list[str]:
@@ -159,8 +166,18 @@ def seat_problems(seats: Sequence[Seat], layout: WalkableArea) -> list[str]:
 
 
 def meeting_problems(settings: ResolvedScenario, path: Path, seats: Sequence[Seat], run: DryRun) -> list[str]:
-    """One line for each seat that the target does not reach, and for each group or further target in a way."""
+    """One line for each seat that the target does not reach, and for each group or further target in a way.
+
+    So for a robot that drives into the way of a thing that is pushed.
+    """
     lines: list[str] = []
+    thing = settings.target.thing
+    if thing is not None and settings.target.pushed and not isinstance(settings.robot.route, StillRoute):
+        least_m = settings.robot.half_width_m + float(half_sizes_m(thing)[:2].max())
+        gaps = np.hypot(*(run.robot_m - run.target_m).T)
+        if gaps.min() < least_m:
+            time_s = run.times_s[int(gaps.argmin())]
+            lines.append(f"target.thing.pushes: {thing.prop!r} runs into the robot at {time_s:.1f} s")
     sits = [(index, one) for index, one in enumerate(settings.target.actions) if isinstance(one, Sit)]
     for (index, action), seat in zip(sorted(sits, key=lambda item: item[1].at_s), seats, strict=False):
         (x, y) = run.at(action.at_s + SITTING_FROM_S)[1][0].tolist()

@@ -10,6 +10,8 @@ import numpy as np
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.groups import group_members
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.agents.pedestrians.target import mean_speed_m_s
+from pftrack_sim.agents.pushed_thing import PushedWay
 from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.scenario import ResolvedScenario, axis_without_effect, late_events
@@ -20,11 +22,11 @@ from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
 from pftrack_sim.simulation.feasibility import planned_seats, seat_problems
 from pftrack_sim.simulation.planning import Plan, make_plan, make_script
-from pftrack_sim.simulation.target_path import target_points
+from pftrack_sim.simulation.target_path import target_path
 
 _SAMPLE_S = 0.1
 _LONG_S = 1.5  # A target that is out of view for longer is worth a word
-_STANDS_S = 2.0  # So is one that stands at the end of its path for longer
+_STANDS_S, _LIES_S = 2.0, 5.0  # So is one that stands at the end of its path for longer, or a thing that lies there
 _HIDES_M = 1.3  # Least height of what hides most of a person
 
 
@@ -68,7 +70,7 @@ def overview(settings: ResolvedScenario, seed: int) -> Overview:
     suspicious = [*settings.late_actions(), *late, *(line for line in axes if line is not None)]
     found = Overview(walkable_area(settings, seed))
     try:
-        path = Path(target_points(settings, seed))
+        path = target_path(settings, seed)
         found = replace(found, path_m=np.stack(path.at(np.linspace(0.0, path.length_m, 200))[:2], axis=1))
         seats = planned_seats(settings, path)
         suspicious += seat_problems(seats, found.layout)
@@ -82,19 +84,21 @@ def overview(settings: ResolvedScenario, seed: int) -> Overview:
         waiting = [*plan.crossings, *plan.carts, *plan.oncoming]
         people = [*(one.waiting_m for one in waiting), *(tuple(one.track(np.zeros(1))[0].tolist()) for one in members),
                   *(one.path_m[0] for one in settings.walking_targets)]  # fmt: skip
-        found = replace(found, layout=plan.layout, events=tuple(_events(plan, run)),
+        found = replace(found, layout=plan.layout, events=tuple(_events(plan, path, run)),
                         people_m=tuple(one for one in people if one is not None))  # fmt: skip
     except ScenarioError as error:
         suspicious += error.problems
     return replace(found, suspicious=tuple(suspicious))
 
 
-def _events(plan: Plan, run: DryRun) -> list[Event]:
-    """Planned occlusions and passes, by time."""
+def _events(plan: Plan, path: Path, run: DryRun) -> list[Event]:
+    """Planned occlusions, passes and pushes, by time."""
     spans = [(span[0], f"{one.kind} {_span(*span)}") for one in plan.static_occluders.values() for span in one.spans_s]
     spans += [(one.at_s, f"pedestrian {_span(one.at_s, one.until_s)}") for one in plan.crossings]
     spans += [(one.at_s, f"cart {_span(one.at_s, one.until_s)}") for one in plan.carts]
     spans += [(one.at_s, f"oncoming pedestrian, {one.at_s:.1f} s") for one in plan.oncoming]
+    if isinstance(path, PushedWay):
+        spans += [(at_s, f"push, {at_s:.1f} s") for at_s in path.pushed_s]
     events: list[Event] = []
     for at_s, title in sorted(spans):
         (camera,), (target,) = run.at(at_s)
@@ -133,15 +137,18 @@ def _ends(settings: ResolvedScenario, path: Path, run: DryRun) -> list[str]:
     """Values that contradict each other: a path that is too short, a robot that is too slow."""
     lines: list[str] = []
     there = np.flatnonzero(run.target_s_m >= path.length_m - 0.05)
-    if len(there) and run.end_s - run.times_s[there[0]] > _STANDS_S:
+    key, long_s = ("thing.pushes", _LIES_S) if settings.target.pushed else ("path_m", _STANDS_S)
+    if len(there) and run.end_s - run.times_s[there[0]] > long_s:
         lines.append(
-            f"target.path_m: the target is at the end of its {path.length_m:.1f} m after "
+            f"target.{key}: the target is at the end of its {path.length_m:.1f} m after "
             f"{run.times_s[there[0]]:.1f} s, and stands there: the episode lasts {settings.duration_s:g} s"
         )
     away_m = float(math.dist(run.robot_m[-1], run.target_m[-1]))
-    if not isinstance(settings.robot.route, StillRoute) and settings.robot.max_speed_m_s < settings.target.speed_m_s:
+    speed_m_s = mean_speed_m_s(path, settings.target)
+    if not isinstance(settings.robot.route, StillRoute) and settings.robot.max_speed_m_s < speed_m_s:
+        key = "the target's mean speed" if settings.target.pushed else "target.speed_m_s"
         lines.append(
-            f"robot.max_speed_m_s: {settings.robot.max_speed_m_s:g} is less than target.speed_m_s: the robot falls "
+            f"robot.max_speed_m_s: {settings.robot.max_speed_m_s:g} is less than {key}: the robot falls "
             f"back, to {away_m:.1f} m in the end"
         )
     return lines

@@ -14,7 +14,7 @@ from pftrack_sim.agents.pedestrians.goals import positions_away_from
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, plan_oncoming_pass
 from pftrack_sim.agents.pedestrians.outline import Outline
-from pftrack_sim.agents.pedestrians.target import impossible_actions
+from pftrack_sim.agents.pedestrians.target import impossible_actions, mean_speed_m_s
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ParameterError, ScenarioError
@@ -63,7 +63,7 @@ def make_script(settings: ResolvedScenario, seed: int, layout: WalkableArea, pat
     Raises:
         ScenarioError: What is in the way, or why the target is never in view.
     """
-    speed_m_s, axis = settings.target.speed_m_s, settings.axes.target
+    speed_m_s, axis = mean_speed_m_s(path, settings.target), settings.axes.target
     where = f"{settings.title!r} at seed {seed}"
     problems = path_problems(settings, layout, path)
     try:
@@ -104,10 +104,15 @@ def make_plan(
     if problems:
         raise ScenarioError(f"{settings.title!r} at seed {seed}", problems)
     occluders_s = max((occluder.at_s + occluder.duration_s for occluder in occluders), default=0.0) + AFTER_S
+    if settings.target.pushed:
+        # It may come back to where they would stand.
+        occluders_s = max(occluders_s, settings.duration_s)
     covers = (*axes.occlusion.spans_s, *axes.distractors.crossings_s)
     axes_s = [*(at_s + length_s for at_s, length_s in covers), *axes.distractors.passings_s]
     # Groups, seats and further targets are met on the whole way.
-    meetings_s = settings.duration_s if settings.groups or seats or settings.walking_targets else 0.0
+    # So is a thing that is pushed, which does not stop for a robot.
+    met = settings.groups or seats or settings.walking_targets or settings.target.pushed
+    meetings_s = settings.duration_s if met else 0.0
     until_s = max([occluders_s, meetings_s, *(time_s + AFTER_S for time_s in axes_s)])
     plan = Plan(layout)
     if until_s == AFTER_S:

@@ -1,4 +1,4 @@
-"""A path for the target, drawn by seed where there is room for it, and for the robot behind it."""
+"""The target's path: the scenario's, drawn by seed where there is room, or what becomes of a thing that is pushed."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ import numpy as np
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.agents.pushed_thing import PushedWay
+from pftrack_sim.agents.pushes import pushed_way, with_robot
 from pftrack_sim.core import random_streams
-from pftrack_sim.core.errors import ScenarioError
+from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
-from pftrack_sim.scenario.robot import TrailRoute
-from pftrack_sim.scenario.section import Point
+from pftrack_sim.scenario.robot import StillRoute, TrailRoute
 from pftrack_sim.scene.build import walkable_area
 from pftrack_sim.scene.layout import WalkableArea
-from pftrack_sim.simulation.feasibility import planned_seats, seat_problems
+from pftrack_sim.simulation.feasibility import group_seats, planned_seats, seat_problems
 from pftrack_sim.simulation.planning import make_plan, make_script
 
 CLEARANCE_M = 0.5
@@ -27,18 +28,23 @@ CLEARANCE_M = 0.5
 _TURNS = (2, 3, 4, 6, 8)  # Tried in turn where none are asked for
 _STARTS, _HEADINGS = 3000, 24  # Paths begun, and directions tried for each of their legs
 _PATHS = 60  # Paths that are planned with robot and occluders before it is given up
+_PLACES = 20  # Places from which a thing is pushed before it is given up
+_NEAR_M = 6.0  # It lies nearer than this to a robot that stands, with nothing between
+_ROBOT_GAP_M = 0.05  # What bounces off a robot does not touch it
 _TURN_RAD = math.radians(25.0), math.radians(100.0)
 
 
-def target_points(settings: ResolvedScenario, seed: int) -> tuple[Point, ...]:
-    """Points of the target's path: the scenario's, or for `"auto"` those of the first drawn that can be.
+def target_path(settings: ResolvedScenario, seed: int) -> Path:
+    """The target's path: the scenario's, or for `"auto"` the first drawn that can be; a `PushedWay` of what is pushed.
 
     Raises:
         ScenarioError: There is no room for such a path, or none on which robot and occluders can be as asked.
     """
     target = settings.target
+    if target.pushed:
+        return _pushed(settings, seed)
     if target.path == "points":
-        return target.path_m
+        return Path(target.path_m)
     layout, rng = walkable_area(settings, seed), random_streams.stream(seed, "target_path")
     behind_m = settings.robot.route.distance_m if isinstance(settings.robot.route, TrailRoute) else 0.0
     length_m = target.path_length_m or max(1.0, target.speed_m_s * settings.duration_s)
@@ -46,18 +52,49 @@ def target_points(settings: ResolvedScenario, seed: int) -> tuple[Point, ...]:
     for turns in _TURNS if target.path_turns is None else (target.path_turns,):
         drawing = _Drawing(layout, rng, length_m, turns, behind_m)
         for points in islice(drawing.paths(), _PATHS):
-            path_m = tuple((round(x, 3), round(y, 3)) for x, y in points.tolist())
-            found = _problem(settings, seed, layout, path_m)
+            path = Path([(round(x, 3), round(y, 3)) for x, y in points.tolist()])
+            found = _problem(settings, seed, layout, path)
             if found is None:
-                return path_m
+                return path
             problem = problem or f"none of the paths drawn can be; on the first: {found}"
         problem = problem or drawing.problem()
     raise ScenarioError(f"{settings.title!r} at seed {seed}", [f"target.path: {problem}"])
 
 
-def _problem(settings: ResolvedScenario, seed: int, layout: WalkableArea, path_m: tuple[Point, ...]) -> str | None:
+def _pushed(settings: ResolvedScenario, seed: int) -> PushedWay:
+    """The way of a thing that is pushed, from the scenario's point, or the first drawn from which it can be."""
+    target, route = settings.target, settings.robot.route
+    assert target.thing is not None
+    layout, rng = walkable_area(settings, seed, group_seats(settings)), random_streams.stream(seed, "target_path")
+    solid = layout
+    if isinstance(route, StillRoute):
+        solid = with_robot(layout, route.start_m, settings.robot.half_width_m + _ROBOT_GAP_M)
+    starts = np.array(target.path_m)
+    if target.path == "auto":
+        starts = rng.uniform(layout.bounds_m[:2], layout.bounds_m[2:], (_STARTS, 2))
+        starts = starts[ObstacleMap(solid).clearance_m(starts) >= CLEARANCE_M].round(3)
+        if isinstance(route, StillRoute):
+            near = np.hypot(*(starts - route.start_m).T) < _NEAR_M
+            starts = starts[near & ~ObstacleMap(layout).blocked(route.start_m, starts, 0.0)]
+        starts = starts[:_PLACES]
+    problem = f"no place has {CLEARANCE_M} m to everything"
+    for number, (x, y) in enumerate(starts.tolist()):
+        pushes = random_streams.stream(seed, "pushes", number)
+        try:
+            way = pushed_way(target.thing, (x, y), solid, settings.duration_s, pushes)
+        except ParameterError as error:
+            problem = str(error)
+            continue
+        found = _problem(settings, seed, layout, way) if target.path == "auto" else None
+        if found is None:
+            return way
+        problem = found
+    where = "target.path: nowhere can it be; last" if target.path == "auto" else "target.thing"
+    raise ScenarioError(f"{settings.title!r} at seed {seed}", [f"{where}: {problem}"])
+
+
+def _problem(settings: ResolvedScenario, seed: int, layout: WalkableArea, path: Path) -> str | None:
     """Why an episode cannot be as asked on this path."""
-    path = Path(path_m)
     seats = planned_seats(settings, path)
     try:
         if problems := seat_problems(seats, layout):

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from pftrack_sim.agents.carried_items import CarriedItems
 from pftrack_sim.agents.clock import Clock
-from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.target import places_alone
 from pftrack_sim.agents.robot.drive import Equilibrium
@@ -33,7 +32,7 @@ from pftrack_sim.scene.robot import RobotForm, mount
 from pftrack_sim.scene.thing import BEARER
 from pftrack_sim.simulation.feasibility import planned_seats, seat_problems
 from pftrack_sim.simulation.planning import Plan, make_plan, make_script
-from pftrack_sim.simulation.target_path import target_points
+from pftrack_sim.simulation.target_path import target_path
 
 
 class World:
@@ -45,7 +44,7 @@ class World:
         draws: Whether it is drawn in colour; if not, its textures are blank.
 
     Attributes:
-        path_m: Points x, y of the target's path.
+        path: The target's.
 
     Raises:
         ScenarioError: A requested occlusion, oncoming pedestrian or swing of the robot is impossible, the robot's or
@@ -57,14 +56,13 @@ class World:
         self._motion = base_motion(settings)
         self.clock = Clock.for_rate(settings.camera.rate_hz)
         self._seed = seed
-        self.path_m = target_points(settings, seed)
-        self._path = Path(self.path_m)
-        seats = planned_seats(settings, self._path)
+        self.path = target_path(settings, seed)
+        seats = planned_seats(settings, self.path)
         spec, layout = build_stage(settings, seed, self.clock.step_s, seats, draws=draws)
         if problems := seat_problems(seats, layout):
             raise ScenarioError(f"{settings.title!r} at seed {seed}", problems)
-        script = make_script(settings, seed, layout, self._path)
-        plan = make_plan(settings, seed, layout, self._path, seats, script)
+        script = make_script(settings, seed, layout, self.path)
+        plan = make_plan(settings, seed, layout, self.path, seats, script)
         people = add_agents(spec, settings, seed, plan.static_occluders, plan.cart_sizes)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
@@ -74,7 +72,7 @@ class World:
         crowd = self._crowd(plan)
         carried = self._carried(people[0].anatomy) if settings.target.carries else None
         thing, bearer = settings.target.thing, people[0].anatomy
-        tracked = TrackedThing(self.model, crowd.names[0], thing, bearer, self._path) if thing is not None else None
+        tracked = TrackedThing(self.model, crowd.names[0], thing, bearer, self.path) if thing is not None else None
         self.traffic = Traffic(self.model, people, tuple(plan.cart_sizes), crowd, seed, carried, tracked)
         self.people = self.traffic.names
         rng = random_streams.stream(seed, "lights", "axis")
@@ -193,7 +191,7 @@ class World:
         lying = [one for one in target.carries if not one.from_start and grips_s(one, target.actions)]
         lying.sort(key=lambda one: grips_s(one, target.actions)[0])
         times_s = [grips_s(one, target.actions)[0][0] for one in lying]
-        found = places_alone(self._path, target, self.settings.axes.target, times_s)
+        found = places_alone(self.path, target, self.settings.axes.target, times_s)
         places: dict[Item, tuple[float, float, float]] = {}
         for one, (_, place) in zip(lying, found, strict=True):
             places[one.item] = place
@@ -204,7 +202,7 @@ class World:
         return Crowd(
             plan.layout,
             settings.target,
-            self._path,
+            self.path,
             settings.distractors,
             plan.crossings,
             self._seed,

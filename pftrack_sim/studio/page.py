@@ -180,8 +180,8 @@ class Page:
             return self.player.moment.world
 
         def describe(session: Session) -> tuple[Any, ...]:
-            path_m = session.simulation.world.path_m
-            return session.simulation.world.model, session.moment, session.people, np.array(path_m)
+            path_m = session.simulation.world.path.points_m
+            return session.simulation.world.model, session.moment, session.people, path_m
 
         model, moment, people, path_m = self.player.ask(describe)
         self._view.build(model, moment, people, path_m)

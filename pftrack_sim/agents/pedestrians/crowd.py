@@ -29,7 +29,7 @@ from pftrack_sim.agents.pedestrians.groups import group_members
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, VisibilityGraph, Xy
 from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, OncomingPedestrian
 from pftrack_sim.agents.pedestrians.outline import Outline
-from pftrack_sim.agents.pedestrians.target import TargetWalk
+from pftrack_sim.agents.pedestrians.target import PushedWalk, TargetWalk, walk_of
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import TargetAxis
@@ -73,14 +73,17 @@ class Crowd:
         self._graph = VisibilityGraph(obstacles)
         self._sampler = GoalSampler(layout, self._graph, target_path)
         self._distractors = distractors
-        self._target = TargetWalk(target_path, target, target_axis or TargetAxis())
+        self._target = walk_of(target_path, target, target_axis or TargetAxis())
         counts = {"distractor": distractors.count, "crosser": len(crossings), "passer": len(oncoming)}
         self.names = ("target", *(f"{kind}-{i + 1}" for kind, count in counts.items() for i in range(count)))
         members = group_members(groups, target_path)
         self._members = dict(enumerate(members, start=len(self.names)))
         self.names += tuple(f"member-{i + 1}" for i in range(len(members)))
         walks = [TargetWalk(Path(one.path_m), one.person, TargetAxis()) for one in targets]
-        self._walks = {0: self._target, **dict(enumerate(walks, start=len(self.names)))}
+        self._walks: dict[int, TargetWalk | PushedWalk] = {
+            0: self._target,
+            **dict(enumerate(walks, start=len(self.names))),
+        }
         self.names += tuple(one.name for one in targets)
         self._scripted_throughout = len(members) + len(targets)
         # Pedestrians, robot, carts; of each x, y, vx, vy as a row of the state.

@@ -14,6 +14,7 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.avoidance import FAR_M
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
 from pftrack_sim.agents.pedestrians.outline import Outline
+from pftrack_sim.agents.pushed_thing import PushedWalk, PushedWay
 from pftrack_sim.scenario import people
 from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.scenario.mobility import ABLE, TOP_SPEED_M_S
@@ -160,6 +161,16 @@ class TargetWalk:
         self.state = (x, y, self._speed_m_s * math.cos(heading), self._speed_m_s * math.sin(heading))
         reach_m = self._reach_m
         self.tracked_m = x + reach_m * math.cos(self.heading_rad), y + reach_m * math.sin(self.heading_rad)
+
+
+def walk_of(path: Path, target: Target, axis: TargetAxis) -> TargetWalk | PushedWalk:
+    """The target on its way, at the start."""
+    return PushedWalk(path) if isinstance(path, PushedWay) else TargetWalk(path, target, axis)
+
+
+def mean_speed_m_s(path: Path, target: Target) -> float:
+    """About how fast the target is on its way."""
+    return path.speed_m_s if isinstance(path, PushedWay) else target.speed_m_s
 
 
 class Command(NamedTuple):

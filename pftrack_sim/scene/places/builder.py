@@ -20,6 +20,7 @@ from pftrack_sim.scene.layout import (
     Bounds,
     Footprint,
     WalkableArea,
+    edges,
 )
 from pftrack_sim.scene.places.materials import add_material
 from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, merged_by_material
@@ -177,20 +178,14 @@ class PlaceBuilder:
 
         Without `contact` the ground is not darker around the footprints.
         """
-        left, low, right, high = self.bounds
-        x, y = 0.5 * (left + right), 0.5 * (low + high)
-        half_x, half_y = 0.5 * (right - left) + 0.4, 0.5 * (high - low) + 0.4
-        for name, centre, collider in (
-            ("edge-north", (x, high + 0.2), (half_x, 0.2, 3.0)),
-            ("edge-south", (x, low - 0.2), (half_x, 0.2, 3.0)),
-            ("edge-east", (right + 0.2, y), (0.2, half_y, 3.0)),
-            ("edge-west", (left - 0.2, y), (0.2, half_y, 3.0)),
-        ):
-            _add_collider(self.spec.worldbody.add_body(name=name, pos=[*centre, 1.5]), name, collider, 0.0)
+        for edge in edges(self.bounds):
+            body = self.spec.worldbody.add_body(name=edge.name, pos=[*edge.centre_m, 0.5 * edge.height_m])
+            _add_collider(body, edge.name, (*edge.half_m, edge.height_m), 0.0)
         if self._footprints and contact:
             self.spec.add_mesh_file(CONTACT_OF_THINGS, ground_contact(self._footprints, self._ground_m).file)
         self.spec.stat.extent = 1.0
-        self.spec.stat.center = [x, y, 1.0]
+        left, low, right, high = self.bounds
+        self.spec.stat.center = [0.5 * (left + right), 0.5 * (low + high), 1.0]
         return WalkableArea(self.bounds, tuple(self._footprints), tuple(goals))
 
     def _add_mesh(self, body: mujoco.MjsBody, name: str, mesh: TexturedMesh, casts_shadow: bool) -> None:
