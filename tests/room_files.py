@@ -1,4 +1,4 @@
-"""Files of small rooms, written for tests: a map, an MJCF scene and a GLB of the same 8 m x 6 m with a table."""
+"""Files written for tests: a map, an MJCF scene and a GLB of the same room of 8 m x 6 m with a table; and a toy."""
 
 from __future__ import annotations
 
@@ -85,3 +85,13 @@ def scenario_of(kind: str, model: Path, **place: Any) -> dict[str, Any]:
         "target": {"path_m": [[1.9, -2.0], [2.5, -1.0], [2.5, 2.0]], "speed_m_s": 0.8},
         "distractors": {"count": 0},
     }
+
+
+def write_toy(folder: Path) -> Path:
+    """A red block with a blue cabin, as long as 2, as wide as 1 and as high as 1 unit, y up."""
+    block, cabin = trimesh.creation.box((2.0, 0.6, 1.0)), trimesh.creation.box((0.8, 0.4, 0.8))
+    cabin.apply_translation((-0.2, 0.5, 0.0))
+    for mesh, colour in ((block, [200, 30, 30, 255]), (cabin, [30, 30, 200, 255])):
+        mesh.visual = trimesh.visual.ColorVisuals(mesh, face_colors=[colour] * 12)
+    trimesh.Scene([block, cabin]).export(folder / "toy.glb")
+    return folder / "toy.glb"

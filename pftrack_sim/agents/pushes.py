@@ -48,7 +48,7 @@ def pushed_way(
     if distances.min() < reach_m:
         names = [f"{one.name!r}" for one in layout.footprints] + ["the edge of the walkable area"] * 4
         raise ParameterError(
-            f"{thing.prop!r} would lie in {names[int(distances.argmin())]} at {start_m[0]:.2f}, {start_m[1]:.2f}"
+            f"{thing.name!r} would lie in {names[int(distances.argmin())]} at {start_m[0]:.2f}, {start_m[1]:.2f}"
         )
     draw = None if thing.pushes else _Draw(obstacles, start_m, 0.9 * min(half_sizes_m(thing)[:2].tolist()), rng)
     pushes = deque(sorted(thing.pushes, key=lambda one: one.at_s))

@@ -140,6 +140,8 @@ def _with_files(name: str, tree: Tree, folder: Path) -> Tree:
     """The tree with what the files that it names tell in their place; paths are relative to the folder."""
     for table, key in (("place", "model"), ("robot", "model"), ("robot", "motion")):
         tree = _with_file(name, tree, table, key, folder)
+    if isinstance(target := tree.get("target"), Mapping):
+        tree = {**tree, "target": _with_file(name, cast("Tree", target), "thing", "model", folder, within="target.")}
     tree = {**tree, "camera": _with_calibration(name, tree["camera"], folder, "camera")} if "camera" in tree else tree
     cameras = tree.get("cameras")
     if not isinstance(cameras, list):
@@ -148,7 +150,7 @@ def _with_files(name: str, tree: Tree, folder: Path) -> Tree:
     return {**tree, "cameras": [_with_calibration(name, one, folder, f"cameras.{index}") for index, one in listed]}
 
 
-def _with_file(name: str, tree: Tree, table: str, key: str, folder: Path) -> Tree:
+def _with_file(name: str, tree: Tree, table: str, key: str, folder: Path, *, within: str = "") -> Tree:
     """The tree with the whole path of the file at a key of a table, and a digest of it and those that it names."""
     own = tree.get(table)
     file = cast("Tree", own).get(key) if isinstance(own, Mapping) else None
@@ -156,11 +158,11 @@ def _with_file(name: str, tree: Tree, table: str, key: str, folder: Path) -> Tre
         return tree
     path = (folder / file).resolve()
     if not is_file(path):
-        raise ScenarioError(name, [f"{table}.{key}: no such file: {one_line(str(path))}"])
+        raise ScenarioError(name, [f"{within}{table}.{key}: no such file: {one_line(str(path))}"])
     try:
         found = {key: str(path), f"{key}_digest": named_digest(path)}
     except ParameterError as error:
-        raise ScenarioError(name, [f"{table}.{key}: {error}"]) from None
+        raise ScenarioError(name, [f"{within}{table}.{key}: {error}"]) from None
     return {**tree, table: {**cast("Tree", own), **found}}
 
 

@@ -26,6 +26,7 @@ from pftrack_sim.scenario.section import (
     Seconds,
     Section,
     Share,
+    UpAxis,
     number,
     setting,
 )
@@ -69,7 +70,7 @@ class MeshPlace(_ModelPlace):
 
     kind: Literal["mesh"]
     scale: float = setting(1.0, "Metres in a unit of the file: 0.001 for millimetres.", gt=0, le=1000)
-    up: Literal["auto", "y", "z"] = setting("auto", "Axis that points up; 'auto': y in glTF, GLB and OBJ, else z.")
+    up: UpAxis = setting("auto", "Axis that points up; 'auto': y in glTF, GLB and OBJ, else z.")
     floor_m: float | None = setting(
         None, "Height of the floor; by default that of the lowest large one.", ge=-500, le=500
     )

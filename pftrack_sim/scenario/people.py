@@ -332,15 +332,15 @@ class Target(Section):
     def _thing_is_possible(self) -> Target:
         thing, walks = self.thing, self.thing is None or self.carried
         if thing is not None and self.init == "torso":
-            raise ValueError(f"init = 'torso' needs a person, and the target is a thing ({thing.prop!r})")
+            raise ValueError(f"init = 'torso' needs a person, and the target is a thing ({thing.name!r})")
         if thing is not None and self.carries:
             raise ValueError("carries: a target that is a thing carries nothing, nor has its bearer a free hand")
         for index, one in enumerate(self.actions):
             if thing is not None and self.pushed:
-                raise ValueError(f"{title(index, one)}: {thing.prop!r} is pushed: give it target.thing.pushes")
+                raise ValueError(f"{title(index, one)}: {thing.name!r} is pushed: give it target.thing.pushes")
             if thing is not None and isinstance(one, _ON_FOOT) and (not walks or one.kind == "wave"):
                 needed = "free hands" if walks else "legs"
-                raise ValueError(f"{title(index, one)} needs {needed}, and {thing.prop!r} is {thing.moves}")
+                raise ValueError(f"{title(index, one)} needs {needed}, and {thing.name!r} is {thing.moves}")
         return self
 
     @model_validator(mode="after")
@@ -359,7 +359,7 @@ class Target(Section):
         if self.uses is None:
             return None
         if self.thing is not None:
-            return f"uses = {self.uses!r} needs a person, and the target is a thing ({self.thing.prop!r})"
+            return f"uses = {self.uses!r} needs a person, and the target is a thing ({self.thing.name!r})"
         for one in self.carries:
             if one.item != "backpack":
                 return f"uses = {self.uses!r} needs both hands: carries {one.item!r}"

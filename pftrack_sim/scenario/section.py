@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
@@ -10,6 +10,7 @@ Coordinate: TypeAlias = Annotated[float, Field(ge=-500.0, le=500.0)]
 Point: TypeAlias = tuple[Coordinate, Coordinate]  # x, y on the ground [m], world frame
 Angle: TypeAlias = Annotated[float, Field(ge=-3600.0, le=3600.0)]  # An angle that may go around [deg]
 
+UpAxis: TypeAlias = Literal["auto", "y", "z"]  # Of a file of meshes; "auto": y in glTF, GLB and OBJ, else z
 Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0)]
 Positive: TypeAlias = Annotated[float, Field(gt=0.0, le=10_000.0)]
 Seconds: TypeAlias = Annotated[float, Field(ge=0.001, le=3600.0)]

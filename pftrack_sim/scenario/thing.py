@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection
+from pathlib import Path
 from typing import Literal
 
 from pydantic import field_validator, model_validator
 
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.errors import UnknownNameError
-from pftrack_sim.scenario.section import Angle, NotNegative, Section, number, setting
+from pftrack_sim.scenario.section import Angle, NotNegative, Section, UpAxis, number, setting
 
 
 class Push(Section):
@@ -24,14 +25,22 @@ class Push(Section):
 class Thing(Section):
     """A thing to track, in the place of a person."""
 
-    prop: str = setting(..., "One of the props of the places: 'ball', 'juice', 'cube', 'panda', 'car', 'forklift', ...")
+    prop: str | None = setting(
+        None, "One of the props of the places: 'ball', 'juice', 'cube', 'panda', 'car', 'forklift', ..."
+    )
+    model: str | None = setting(
+        None,
+        "In its place a file of meshes (glTF, GLB, OBJ, PLY or STL), relative to the scenario's; x ahead.",
+    )
+    model_digest: str = setting("", "Digest of that file and of those that it names, as they were read.")
+    up: UpAxis = setting("auto", "Axis of the file that points up; 'auto': y in glTF, GLB and OBJ, else z.")
     moves: Literal["sliding", "rolling", "carried", "pushed"] = setting(
         "sliding",
         "'sliding': along the path, its front ahead; 'rolling': along the path, as a ball does; 'carried': in both "
         "hands of a person, who walks along the path and is no part of it; 'pushed': by physics: it is kicked, rolls, "
         "slides, bounces and comes to rest.",
     )
-    height_m: float = number(..., 0.05, 4, "Height, to which the prop is scaled.")
+    height_m: float = number(..., 0.05, 4, "Height, to which it is scaled.")
     surface: str = setting("paint-red", "Surface of the parts of a prop that have none of their own, as a car's paint.")
     turn_deg: float = number(30.0, 0, 180, "Carried: how far the hands turn it to either side.")
     turn_s: float = number(5.0, 1, 3600, "Carried: time from one side to the other and back.")
@@ -48,8 +57,8 @@ class Thing(Section):
 
     @field_validator("prop")
     @classmethod
-    def _prop_is_known(cls, name: str) -> str:
-        return _known("prop", name, asset_table("props"))
+    def _prop_is_known(cls, name: str | None) -> str | None:
+        return None if name is None else _known("prop", name, asset_table("props"))
 
     @field_validator("surface")
     @classmethod
@@ -57,6 +66,17 @@ class Thing(Section):
         table = asset_table("materials")
         atlases = (names for _, _, names in table["atlases"].values())
         return _known("surface", name, [*table["tilings"], *itertools.chain(*atlases)])
+
+    @model_validator(mode="after")
+    def _it_is_one_thing(self) -> Thing:
+        if self.prop is None and self.model is None:
+            raise ValueError("needs prop, the name of a prop, or model, a file of meshes")
+        return self
+
+    @property
+    def name(self) -> str:
+        """That of the file, or the prop's."""
+        return str(self.prop) if self.model is None else Path(self.model).stem
 
     @model_validator(mode="after")
     def _only_what_is_pushed_has_pushes(self) -> Thing:

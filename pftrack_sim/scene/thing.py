@@ -1,20 +1,26 @@
-"""A thing that is tracked in the place of a person: a prop on a body of its own."""
+"""A thing that is tracked in the place of a person: a prop, or the meshes of a file, on a body of its own."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
+from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from pftrack_sim.core.data_files import asset_table
+from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.scenario.section import UpAxis
 from pftrack_sim.scenario.thing import Thing
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
 from pftrack_sim.scene.people.person import PEOPLE_CONAFFINITY, PEOPLE_CONTYPE, UNPOSED_Z_M
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.materials import add_material
+from pftrack_sim.scene.places.mesh_file import drawn, read_meshes
 from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, translated
+from pftrack_sim.scene.places.room import Surface, add_surface
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 BODY = "body"  # Name of its only part: "target/body"
@@ -24,15 +30,34 @@ _ROUND = 1.06  # A ball of triangles, or one whose height is scaled, is not roun
 
 
 @lru_cache(maxsize=16)
-def _meshes(name: str, surface: str, height_m: float) -> Prop:
-    """Its meshes [m], the middle of their bounding box at the origin, x forward, z up; read-only."""
+def _of_file(model: str, up: UpAxis, digest: str) -> tuple[Prop, Mapping[str, Surface]]:
+    """The meshes of a file, read once as long as its digest stays the same, and their materials."""
+    try:
+        found = read_meshes(Path(model), up)
+    except ParameterError as error:
+        raise ScenarioError(model, [f"target.thing.model: {error}"]) from None
+    materials = [f"thing/{number}" for number in range(len(found))]
+    shown = [drawn(mesh, name, mesh.triangles) for name, mesh in zip(materials, found, strict=True)]
+    prop = tuple(mesh for mesh in shown if mesh is not None)
+    if not prop or not np.ptp(_extent(prop)[:, 2]):
+        raise ScenarioError(model, ["target.thing.model: has no height; check target.thing.up"])
+    return prop, {name: mesh.surface for name, mesh in zip(materials, found, strict=True)}
+
+
+@lru_cache(maxsize=16)
+def _of_catalogue(name: str, surface: str) -> Prop:
     open_surfaces = {
         value[1:]
         for primitive in asset_table("props")[name]
         for value in primitive.values()
         if isinstance(value, str) and value.startswith("$")
     }
-    prop = load_prop(name, **dict.fromkeys(sorted(open_surfaces), surface))
+    return load_prop(name, **dict.fromkeys(sorted(open_surfaces), surface))
+
+
+@lru_cache(maxsize=16)
+def _scaled(prop: Prop, height_m: float) -> Prop:
+    """Its meshes [m], the middle of their bounding box at the origin, x forward, z up; read-only."""
     corners = _extent(prop)
     scale = height_m / float(corners[1, 2] - corners[0, 2])
     middle = translated(prop, *(-corners.mean(axis=0)).tolist())
@@ -40,7 +65,9 @@ def _meshes(name: str, surface: str, height_m: float) -> Prop:
 
 
 def _meshes_of(thing: Thing) -> Prop:
-    return _meshes(thing.prop, thing.surface, thing.height_m)
+    if thing.model is None:
+        return _scaled(_of_catalogue(str(thing.prop), thing.surface), thing.height_m)
+    return _scaled(_of_file(thing.model, thing.up, thing.model_digest)[0], thing.height_m)
 
 
 def half_sizes_m(thing: Thing) -> FloatArray:
@@ -69,9 +96,13 @@ def add_thing(spec: SceneSpec, name: str, thing: Thing) -> None:
     Its visible geoms are in the group of people: whatever is tracked is one of them to the truth.
     """
     body = spec.worldbody.add_body(name=f"{name}/{BODY}", mocap=True, pos=[0.0, 0.0, UNPOSED_Z_M])
+    surfaces = {} if thing.model is None else _of_file(thing.model, thing.up, thing.model_digest)[1]
+    for material, surface in surfaces.items():
+        add_surface(spec, material, surface)
     for index, mesh in enumerate(_meshes_of(thing)):
         part = f"{name}/{BODY}-{index}"
-        add_material(spec, mesh.material)
+        if mesh.material not in surfaces:
+            add_material(spec, mesh.material)
         spec.add_mesh_file(part, mesh.file)
         geom = body.add_geom(name=part, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part, material=mesh.material)
         geom.group, geom.contype, geom.conaffinity, geom.mass = PEOPLE_GROUP, 0, 0, 0.0

@@ -177,7 +177,7 @@ def meeting_problems(settings: ResolvedScenario, path: Path, seats: Sequence[Sea
         gaps = np.hypot(*(run.robot_m - run.target_m).T)
         if gaps.min() < least_m:
             time_s = run.times_s[int(gaps.argmin())]
-            lines.append(f"target.thing.pushes: {thing.prop!r} runs into the robot at {time_s:.1f} s")
+            lines.append(f"target.thing.pushes: {thing.name!r} runs into the robot at {time_s:.1f} s")
     sits = [(index, one) for index, one in enumerate(settings.target.actions) if isinstance(one, Sit)]
     for (index, action), seat in zip(sorted(sits, key=lambda item: item[1].at_s), seats, strict=False):
         (x, y) = run.at(action.at_s + SITTING_FROM_S)[1][0].tolist()

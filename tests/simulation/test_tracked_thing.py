@@ -1,10 +1,12 @@
 """Targets that are things: how they move, what is told of them, and what is refused."""
 
+from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
+from room_files import write_toy
 
 from pftrack_sim import scenario
 from pftrack_sim.core.errors import ScenarioError
@@ -106,6 +108,23 @@ def test_any_prop_is_scaled_to_the_height_asked_for(prop: str):
     assert half_sizes_m(thing)[2] == pytest.approx(0.2)
 
 
+def test_a_thing_may_be_a_file_of_meshes(tmp_path: Path):
+    toy = {"target.thing.model": str(write_toy(tmp_path)), "target.thing.height_m": 0.3, "target.actions": []}
+    loaded = scenario.load("objects/car", {**BASE, **toy})
+    thing = loaded.resolve(2).target.thing
+    assert thing is not None
+    assert thing.name == "toy"
+    assert half_sizes_m(thing) == pytest.approx([0.3, 0.15, 0.15])
+    with Simulation(loaded) as simulation:
+        frame = simulation.reset(2)
+    x, y, width, height = frame.truth.box
+    patch = frame.image[int(y) : int(y + height), int(x) : int(x + width)].astype(int)
+    red, blue = (patch[..., one] - patch[..., other] > 60 for one, other in ((0, 2), (2, 0)))
+    assert red.mean() > 0.2
+    assert blue.mean() > 0.02
+    assert np.nonzero(blue)[0].mean() < np.nonzero(red)[0].mean(), "its cabin is on top"
+
+
 WRONG: list[tuple[str, dict[str, Any], str]] = [
     ("ball", {"target.thing.prop": "bal"}, "unknown prop 'bal'; did you mean 'ball'"),
     ("car", {"target.thing.surface": "paint-blu"}, "unknown surface 'paint-blu'; did you mean 'paint-blue'"),
@@ -116,6 +135,9 @@ WRONG: list[tuple[str, dict[str, Any], str]] = [
     ("ball", {"target.actions": [{"kind": "crouch", "at_s": 1}]}, "needs legs, and 'football' is rolling"),
     ("cube", {"target.actions": [{"kind": "wave", "at_s": 1}]}, "needs free hands, and 'cube' is carried"),
     ("cube", {"target.carries": [{"item": "bag"}]}, "carries nothing"),
+    ("car", {"target.thing.model": "no.glb"}, "target.thing.model: no such file"),
+    ("car", {"target.thing.model": __file__}, "not of a kind that is read (.gltf, .glb, .obj, .ply, .stl)"),
+    ("car", {"target.thing": {"height_m": 0.3}}, "needs prop, the name of a prop, or model, a file of meshes"),
 ]
 
 

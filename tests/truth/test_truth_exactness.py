@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from observing import finer_ids, mujocos_renderer, observed
 from render_stage import FOVY, HEIGHT, NEAR, WIDTH, K, Stage, build, looking, new_spec, random_view
-from room_files import WRITERS, scenario_of
+from room_files import WRITERS, scenario_of, write_toy
 
 from pftrack_sim import scenario
 from pftrack_sim.camera.distortion import Lens
@@ -150,6 +150,13 @@ INSTANT = {f"axes.{name}.severity": 0.0 for name in ("blur", "rolling_shutter", 
 def test_the_truth_of_a_partly_hidden_target_is_that_of_an_independent_segmentation(name: str):
     size = {"camera.width_px": WIDTH, "camera.height_px": HEIGHT, "lights.shadows": False}
     assert_truth_is_that_of_an_independent_segmentation(scenario.load(name, size | INSTANT), PARTLY_HIDDEN[name])
+
+
+def test_so_it_is_of_a_thing_from_a_file(tmp_path: Path):
+    size = {"camera.width_px": WIDTH, "camera.height_px": HEIGHT, "lights.shadows": False}
+    toy = {"target.thing.model": str(write_toy(tmp_path)), "target.thing.height_m": 0.3}
+    loaded = scenario.load("objects/car", size | INSTANT | toy)
+    assert_truth_is_that_of_an_independent_segmentation(loaded, PARTLY_HIDDEN["objects/car"])
 
 
 @pytest.mark.parametrize("kind", WRITERS)

@@ -77,7 +77,7 @@ def add_room(builder: PlaceBuilder, room: Room) -> WalkableArea:
     if room.sky:
         add_skybox(spec, table["sky"])
     for name, surface in room.surfaces.items():
-        _add_surface(spec, name, surface)
+        add_surface(spec, name, surface)
     for item in room.items:
         builder.add(item)
     for number, solid in enumerate(room.solids):
@@ -98,7 +98,8 @@ def add_room(builder: PlaceBuilder, room: Room) -> WalkableArea:
     return builder.finish(room.area.goals_m, contact=False)
 
 
-def _add_surface(spec: SceneSpec, name: str, surface: Surface) -> None:
+def add_surface(spec: SceneSpec, name: str, surface: Surface) -> None:
+    """Add a material of a file."""
     material = spec.add_material(name=name, emission=surface.emission, specular=0.0, shininess=0.0)
     material.rgba, material.texrepeat, material.texuniform = surface.rgba, surface.repeat, surface.uniform
     if surface.image is not None:

@@ -1,48 +1,30 @@
-"""Rooms of triangle meshes: files that the library trimesh reads."""
+"""Rooms of triangle meshes."""
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.model import MeshPlace
-from pftrack_sim.scene.compiled_model import texels
 from pftrack_sim.scene.places.builder import Item
-from pftrack_sim.scene.places.meshes import TexturedMesh
+from pftrack_sim.scene.places.mesh_file import drawn, read_meshes
 from pftrack_sim.scene.places.navigation import MOST_M, area_of, floor_height_m, grid_of
-from pftrack_sim.scene.places.room import MOST_TRIANGLES, Room, Surface, distinct_names
+from pftrack_sim.scene.places.room import Room, Surface, distinct_names
 
-_Y_UP = (".gltf", ".glb", ".obj")
-_KINDS = (*_Y_UP, ".ply", ".stl")
-_Z_FROM_Y = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 _LEAST_M = 2.0
 
 
 def read_mesh(place: MeshPlace) -> Room:
-    """The room of a mesh file. Surfaces that enclose nothing are drawn from both sides.
+    """The room of a mesh file.
 
     Raises:
         ParameterError: It cannot be read, is too large or too small, has no floor, or no room for a person.
     """
-    path = Path(place.model)
-    if path.suffix.lower() not in _KINDS:
-        raise ParameterError(f"not of a kind that is read ({', '.join(_KINDS)})")
-    meshes = _loaded(path)
-    count = sum(len(mesh.faces) for _, mesh in meshes)
-    if not 0 < count <= MOST_TRIANGLES:
-        raise ParameterError(f"has {count} triangles, 1 to {MOST_TRIANGLES} are drawn; simplify it first")
-    y_up = place.up == "y" or (place.up == "auto" and path.suffix.lower() in _Y_UP)
-    turn = place.scale * (_Z_FROM_Y if y_up else np.eye(3))
-    parts = [np.asarray(mesh.triangles, dtype=np.float64) @ turn.T for _, mesh in meshes]
+    meshes = read_meshes(Path(place.model), place.up)
+    parts = [place.scale * mesh.triangles for mesh in meshes]
     triangles = np.concatenate(parts)
-    if not np.isfinite(triangles).all():
-        raise ParameterError("has vertices that are no finite numbers")
     long_m = float(np.ptp(triangles.reshape(-1, 3), axis=0)[:2].max())
     if not _LEAST_M <= long_m <= MOST_M:
         raise ParameterError(
@@ -52,66 +34,10 @@ def read_mesh(place: MeshPlace) -> Room:
     floor_m = floor_height_m(triangles) if place.floor_m is None else place.floor_m
     area = area_of(grid_of(triangles, floor_m))
     items, surfaces = list[Item](), dict[str, Surface]()
-    names = distinct_names(name for name, _ in meshes)
-    for name, (_, mesh), own in zip(names, meshes, parts, strict=True):
-        surface, uv = _surface(mesh)
-        surfaces[f"room/{name}"] = surface
-        drawn = _drawn(f"room/{name}", own - (0.0, 0.0, floor_m), uv, both_sides=not _is_solid(mesh))
-        if drawn is not None:
-            items.append(Item(name, (drawn,)))
+    names = distinct_names(mesh.name for mesh in meshes)
+    for name, mesh, own in zip(names, meshes, parts, strict=True):
+        surfaces[f"room/{name}"] = mesh.surface
+        shown = drawn(mesh, f"room/{name}", own - (0.0, 0.0, floor_m))
+        if shown is not None:
+            items.append(Item(name, (shown,)))
     return Room(area, tuple(items), surfaces=surfaces)
-
-
-def _loaded(path: Path) -> list[tuple[str, Any]]:
-    """The meshes of a file in the frame of the file, with the names of their nodes."""
-    if importlib.util.find_spec("trimesh") is None:
-        raise ParameterError("meshes need trimesh: pip install 'pftrack-sim[mesh]'")
-    trimesh = importlib.import_module("trimesh")
-    try:
-        scene = trimesh.load_scene(path, process=False)
-        found: list[tuple[str, Any]] = []
-        for node in sorted(scene.graph.nodes_geometry):
-            pose, geometry = scene.graph[node]
-            mesh = scene.geometry[geometry]
-            if isinstance(mesh, trimesh.Trimesh):
-                found.append((str(node), mesh.copy().apply_transform(pose)))
-    except (ValueError, KeyError, TypeError, IndexError, AttributeError, OSError, NotImplementedError) as error:
-        raise ParameterError(f"cannot be read as {path.suffix[1:].upper()}: {error}") from None
-    return found
-
-
-def _is_solid(mesh: Any) -> bool:
-    return bool(mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0.0)
-
-
-def _surface(mesh: Any) -> tuple[Surface, FloatArray | None]:
-    """Colour or texture of a mesh, and `(F, 3, 2)` texture coordinates of the corners of its triangles."""
-    material = getattr(mesh.visual, "material", None)
-    image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
-    uv = getattr(mesh.visual, "uv", None)
-    if image is not None and uv is not None and len(uv) == len(mesh.vertices):
-        factor = getattr(material, "baseColorFactor", None)
-        red, green, blue = (1.0, 1.0, 1.0) if factor is None else (np.asarray(factor)[:3] / 255.0).tolist()
-        return Surface((red, green, blue, 1.0), texels(np.asarray(image.convert("RGB")))), np.asarray(uv)[mesh.faces]
-    if material is not None:
-        colour = np.asarray(material.main_color, dtype=np.float64)
-    else:
-        colour = np.asarray(mesh.visual.vertex_colors, dtype=np.float64)[mesh.faces].reshape(-1, 4).mean(axis=0)
-    red, green, blue = (colour[:3] / 255.0).tolist()
-    return Surface((red, green, blue, 1.0)), None
-
-
-def _drawn(surface: str, triangles_m: FloatArray, uv: FloatArray | None, *, both_sides: bool) -> TexturedMesh | None:
-    """`(F, 3, 3)` triangles with `(F, 3, 2)` texture coordinates as flat faces; None if none has an area."""
-    normals = np.cross(triangles_m[:, 1] - triangles_m[:, 0], triangles_m[:, 2] - triangles_m[:, 0])
-    lengths = np.linalg.norm(normals, axis=1)
-    kept = lengths > 1e-9
-    if not kept.any():
-        return None
-    corners, normals = triangles_m[kept], np.repeat((normals[kept] / lengths[kept, None])[:, None], 3, axis=1)
-    uv = np.zeros((0, 3, 2)) if uv is None else uv[kept]
-    if both_sides:
-        corners, uv = np.concatenate([corners, corners[:, ::-1]]), np.concatenate([uv, uv[:, ::-1]])
-        normals = np.concatenate([normals, -normals])
-    faces = np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
-    return TexturedMesh(surface, corners.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces)
