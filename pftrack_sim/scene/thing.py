@@ -96,7 +96,9 @@ def add_thing(spec: SceneSpec, name: str, thing: Thing) -> None:
     Its visible geoms are in the group of people: whatever is tracked is one of them to the truth.
     """
     body = spec.worldbody.add_body(name=f"{name}/{BODY}", mocap=True, pos=[0.0, 0.0, UNPOSED_Z_M])
-    surfaces = {} if thing.model is None else _of_file(thing.model, thing.up, thing.model_digest)[1]
+    surfaces: Mapping[str, Surface] = (
+        {} if thing.model is None else _of_file(thing.model, thing.up, thing.model_digest)[1]
+    )
     for material, surface in surfaces.items():
         add_surface(spec, material, surface)
     for index, mesh in enumerate(_meshes_of(thing)):

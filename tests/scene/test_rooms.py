@@ -19,7 +19,7 @@ from pftrack_sim.agents.pedestrians.obstacle_map import ROUTE_CLEARANCE_M, Obsta
 from pftrack_sim.core.errors import PftrackError, ScenarioError
 from pftrack_sim.scene.build import build_stage, walkable_area
 from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
-from pftrack_sim.scene.places import room_mesh
+from pftrack_sim.scene.places import mesh_file
 from pftrack_sim.scene.places.navigation import Grid, area_of, rectangles
 from pftrack_sim.scene.places.place import load_room
 from pftrack_sim.simulation.world import World
@@ -198,7 +198,7 @@ def test_a_large_ragged_place_gets_coarser_cells_rather_than_many_rectangles():
 
 
 def test_too_many_triangles_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(room_mesh, "MOST_TRIANGLES", 20)
+    monkeypatch.setattr(mesh_file, "MOST_TRIANGLES", 20)
     with pytest.raises(ScenarioError, match=r"has \d\d triangles, 1 to 20 are drawn; simplify it first"):
         walkable_area(resolved("mesh", write_glb(tmp_path)), 0)
 
