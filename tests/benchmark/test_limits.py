@@ -59,6 +59,8 @@ def test_levels_are_physical_and_0_is_the_scenario_itself():
 def test_levels_end_where_the_scenario_does_not_take_more_and_people_are_whole():
     assert abs(make_scale(SPEC, "occlusion", None, 0).levels[-1] - 7.0) < 0.6
     assert make_scale(SPEC, "distractors", (1.0, 6.0), 0).levels.tolist() == [0, 1, 2, 3, 4, 5, 6]
+    lens = make_scale(SPEC, "distortion", None, 0)
+    assert 4.0 < lens.settings[-1] < 8.0, "as far as the lens is invertible"
     light = make_scale(SPEC, "light", (0.5, 4.0), 0)
     assert np.ptp(np.diff(light.coordinates[1:])) < 1e-2
     noise = make_scale(SPEC, "box_noise", (0.01, 0.4), 0)

@@ -11,6 +11,7 @@ from pftrack_sim import scenario as scenarios
 from pftrack_sim.benchmark.asked.plan import BOX_NOISE, LATENCY, RUN_AXES, START, Condition, ScenarioSpec
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.render.capture.frame_capture import lens_of
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.scenario.axes import axes_by_name
 from pftrack_sim.scenario.section import Section
@@ -167,7 +168,9 @@ def _spaced(axis: str, low: float, high: float) -> FloatArray:
 
 def _accepts(scenario: Scenario, axis: str, severity: float, seed: int) -> bool:
     try:
-        scenarios.load(scenario, {f"axes.{axis}.severity": severity}).resolve(seed)
+        settings = scenarios.load(scenario, {f"axes.{axis}.severity": severity}).resolve(seed)
+        fx, fy, cx, cy = settings.camera.intrinsics_px
+        lens_of(settings, np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]))
     except ScenarioError:
         return False
     return True

@@ -331,17 +331,24 @@ def make_frame_capture(
     Raises:
         ScenarioError: The lens is not invertible over the image.
     """
-    axes, camera = settings.axes, settings.camera
-    shutter = Shutter(1e-3 * axes.blur.physical, 1e-3 * axes.rolling_shutter.physical, camera.height_px)
-    if is_instantaneous(settings):
-        return None
+    axes = settings.axes
+    shutter = Shutter(1e-3 * axes.blur.physical, 1e-3 * axes.rolling_shutter.physical, settings.camera.height_px)
+    return None if is_instantaneous(settings) else FrameCapture(model, lens_of(settings, K), shutter, shake)
+
+
+def lens_of(settings: ResolvedScenario, K: FloatArray) -> Lens:
+    """The lens of a scenario's camera.
+
+    Raises:
+        ScenarioError: It is not invertible over the image.
+    """
+    camera = settings.camera
     try:
-        lens = Lens(K, settings.distortion, (camera.width_px, camera.height_px))
+        return Lens(K, settings.distortion, (camera.width_px, camera.height_px))
     except ParameterError as error:
         key = "axes.distortion" if camera.calibrated is None else "camera.calibrated with axes.distortion"
         key = "camera.calibrated" if len(settings.distortion) == 4 else key
         raise ScenarioError(repr(settings.title), [f"{key}: {error}"]) from None
-    return FrameCapture(model, lens, shutter, shake)
 
 
 def _coordinate_range(grids: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
