@@ -85,7 +85,7 @@ def test_a_part_that_other_code_made_stays_where_it_is_the_same_to_the_bit(
     assert confirm(part, tmp_path, kept)
     assert "the same to the bit in 2 results" in capsys.readouterr().out
     assert stale(part, kept) == []
-    of_other_code(f"SELECT * REPLACE (if(seed = 1, '', content_sha256) AS content_sha256) FROM '{file}'")
+    of_other_code(f"SELECT * REPLACE (if(seed = 1, 0.5, mean_overlap) AS mean_overlap) FROM '{file}'")
     assert not confirm(part, tmp_path, kept)
     assert "another result now: open corridor base 1 stay" in capsys.readouterr().out
     assert stale(part, kept) == ["other code of the simulator"]

@@ -54,6 +54,8 @@ _ASSIGNMENT = re.compile(r"[A-Z]+=")
 _RUNS = ("pftrack-sim bench ", "pftrack-sim follow ", "pftrack-sim limit ")
 _AXIS, _BUDGET = re.compile(r"--axis [\w.=:]+"), re.compile(r"--budget \d+")
 _EPISODE = ("kind", "scenario", "condition", "seed", "label")
+_OF_A_RUN = ("number", "place", "file", "printed", "levels", "key", "frames_key", "content_sha256")
+"""Columns that are another in each run, or with other code: a result's rows, whose digest is the last, hold keys."""
 
 
 @dataclass(frozen=True)
@@ -158,9 +160,9 @@ def confirm(part: Part, root: Path = ROOT, kept: Path = KEPT) -> bool:
         play(*_some(part, share), Path(folder) / part.name, root)
         store = RunStore(Path(folder) / part.name)
         with store.database() as again:
-            now = _digests(again, "summary")
-        before = _digests(database, "kept")
-        other = [name for name, digests in now.items() if before.get(name) != digests]
+            now = _scores(again, "summary")
+        before = _scores(database, "kept")
+        other = [name for name, scores in now.items() if before.get(name) != scores]
         for name in other:
             print(f"{part.name}: another result now: {' '.join(map(str, name))}", flush=True)
         if not other:
@@ -179,11 +181,17 @@ def _some(part: Part, share: int) -> tuple[Part, str]:
     return replace(part, script=_BUDGET.sub(f"--budget {LEAST_EPISODES}", script)), ""
 
 
-def _digests(database: duckdb.DuckDBPyConnection, table: str) -> dict[tuple[Any, ...], tuple[str, str]]:
-    """Of every result in all but its time, and of its frames, by what names it."""
-    names = ", ".join(_EPISODE)
-    rows = database.execute(f"SELECT content_sha256, frames_digest, {names} FROM {table}").fetchall()
-    return {row[2:]: row[:2] for row in rows}
+def _scores(database: duckdb.DuckDBPyConnection, table: str) -> dict[tuple[Any, ...], str]:
+    """Digest of the frames and every score of a result, but times, by what names it."""
+    found = database.execute(f"SELECT * FROM {table}").fetchall()
+    columns = [column[0] for column in database.description or []]
+    rows = [dict(zip(columns, row, strict=True)) for row in found]
+    return {
+        tuple(row[name] for name in _EPISODE): repr(
+            {name: row[name] for name in sorted(row) if name not in _OF_A_RUN and not name.startswith("ms_")}
+        )
+        for row in rows
+    }
 
 
 def main(names: Sequence[str]) -> None:
