@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import json
 import os
-import random
 import re
+import secrets
 import shlex
 import subprocess
 import sys
@@ -38,7 +38,7 @@ from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.report.markdown import update_document
 
 SHARE = 20
-"""One of so many episodes is played again, but at least `LEAST`."""
+"""One of so many episodes is played again, but at least about `LEAST`."""
 
 LEAST = 4
 
@@ -51,7 +51,8 @@ KEPT = ROOT / "docs/site/results"
 _BLOCK = re.compile(r"^<!-- tables of (\S+) -->$", re.MULTILINE)
 _COMMANDS = re.compile(r"(?:^    .*\n)+", re.MULTILINE)
 _ASSIGNMENT = re.compile(r"[A-Z]+=")
-_RUNS = ("pftrack-sim bench ", "pftrack-sim follow ", "pftrack-sim limit ")
+_LIMIT = "pftrack-sim limit "
+_RUNS = ("pftrack-sim bench ", "pftrack-sim follow ", _LIMIT)
 _AXIS, _BUDGET = re.compile(r"--axis [\w.=:]+"), re.compile(r"--budget \d+")
 _EPISODE = ("kind", "scenario", "condition", "seed", "label")
 _OF_A_RUN = ("number", "place", "file", "printed", "levels", "key", "frames_key", "content_sha256")
@@ -173,10 +174,10 @@ def confirm(part: Part, root: Path = ROOT, kept: Path = KEPT) -> bool:
 
 def _some(part: Part, share: int) -> tuple[Part, str]:
     """A part with the script that plays a few of its episodes, and options that are added."""
-    if _RUNS[2] not in part.script:
-        return part, f"--part {random.randint(1, share)}/{share}"
+    if _LIMIT not in part.script:
+        return part, f"--part {1 + secrets.randbelow(share)}/{share}"
     axes = _AXIS.findall(part.script)
-    axes.remove(random.choice(axes))
+    axes.remove(secrets.choice(axes))
     script = _AXIS.sub(lambda one: "" if one[0] in axes else one[0], part.script)
     return replace(part, script=_BUDGET.sub(f"--budget {LEAST_EPISODES}", script)), ""
 

@@ -69,7 +69,7 @@ def main(observers: int = 600) -> None:
     kinds = itertools.product(("logistic", "normal"), (0.045, 0.12), (0.0, 0.04))
     print("| curve | spread | lapse | rate | stop |", *(f"{one} |" for one in places), "episodes |")  # noqa: T201
     print("| --- " * (6 + len(places)) + "|")  # noqa: T201
-    stops = [(0.5, 64, 0.0), (0.5, 200, 0.3), (0.75, 64, 0.0)]
+    stops = [(0.5, 24, 0.0), (0.5, 64, 0.0), (0.5, 200, 0.3), (0.75, 64, 0.0)]
     for (shape, spread, lapse), (wanted, budget, width) in itertools.product(kinds, stops):
         grid = psychometric(coordinates(), wanted)
         held: list[float] = []
