@@ -69,13 +69,13 @@ class Camera(Section):
         return self
 
     @property
-    def intrinsics_px(self) -> tuple[float, float, float, float]:
-        """Focal lengths fx, fy and principal point cx, cy from the upper left corner of the image."""
+    def K(self) -> NDArray[np.float64]:
+        """`(3, 3)` camera matrix; its principal point is from the upper left corner of the image."""
         own = self.calibrated
         if own is not None:
-            return own.fx, own.fy, own.cx + 0.5, own.cy + 0.5
+            return np.array([[own.fx, 0.0, own.cx + 0.5], [0.0, own.fy, own.cy + 0.5], [0.0, 0.0, 1.0]])
         focal = 0.5 * self.height_px / math.tan(self.half_view_rad[1])
-        return focal, focal, 0.5 * self.width_px, 0.5 * self.height_px
+        return np.array([[focal, 0.0, 0.5 * self.width_px], [0.0, focal, 0.5 * self.height_px], [0.0, 0.0, 1.0]])
 
     @property
     def half_view_rad(self) -> tuple[float, float]:

@@ -68,21 +68,21 @@ class Thing(Section):
         return _known("surface", name, [*table["tilings"], *itertools.chain(*atlases)])
 
     @model_validator(mode="after")
-    def _it_is_one_thing(self) -> Thing:
+    def _it_is_something(self) -> Thing:
         if self.prop is None and self.model is None:
             raise ValueError("needs prop, the name of a prop, or model, a file of meshes")
         return self
-
-    @property
-    def name(self) -> str:
-        """That of the file, or the prop's."""
-        return str(self.prop) if self.model is None else Path(self.model).stem
 
     @model_validator(mode="after")
     def _only_what_is_pushed_has_pushes(self) -> Thing:
         if self.pushes and self.moves != "pushed":
             raise ValueError(f"pushes need moves = 'pushed', got {self.moves!r}")
         return self
+
+    @property
+    def name(self) -> str:
+        """That of the file, or the prop's."""
+        return str(self.prop) if self.model is None else Path(self.model).stem
 
 
 def _known(kind: str, name: str, names: Collection[str]) -> str:

@@ -51,10 +51,9 @@ class EpisodeCamera:
 
     def _look_through(self, settings: ResolvedScenario, shake: CameraShake) -> None:
         world, camera = self._world, settings.camera
-        fx, fy, cx, cy = camera.intrinsics_px
-        self.K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        self.K = camera.K
         self._shake = shake if self._name == CAMERA else shake.seen_from(settings.T_camera(self._name))
-        self._capture = make_frame_capture(settings, world.model, self.K, self._shake)
+        self._capture = make_frame_capture(settings, world.model, self._shake)
         self.size = camera.width_px, camera.height_px
         self._black = np.broadcast_to(np.uint8(0), (camera.height_px, camera.width_px, 3))
         parts = TRUNK if settings.target.init == "torso" else ()

@@ -109,7 +109,7 @@ def test_a_file_beside_a_scenario_is_found_and_its_size_is_the_cameras(tmp_path:
     (tmp_path / "mine.toml").write_text('extends = "corridor"\n[camera]\ncalibration = "camera.yaml"\n')
     camera = scenario.load(tmp_path / "mine.toml").resolve(0).camera
     assert (camera.width_px, camera.height_px) == (320, 240)
-    assert camera.intrinsics_px == (219.4, 231.7, 148.8, 127.4)
+    assert camera.K.tolist() == [[219.4, 0.0, 148.8], [0.0, 231.7, 127.4], [0.0, 0.0, 1.0]]
 
 
 @pytest.mark.parametrize(

@@ -323,9 +323,7 @@ def is_instantaneous(settings: ResolvedScenario) -> bool:
     return instant and not distorts(settings.distortion)
 
 
-def make_frame_capture(
-    settings: ResolvedScenario, model: mujoco.MjModel, K: FloatArray, shake: CameraShake
-) -> FrameCapture | None:
+def make_frame_capture(settings: ResolvedScenario, model: mujoco.MjModel, shake: CameraShake) -> FrameCapture | None:
     """Frame capture of a scenario; None where each frame is taken at an instant through a pinhole.
 
     Raises:
@@ -333,10 +331,10 @@ def make_frame_capture(
     """
     axes = settings.axes
     shutter = Shutter(1e-3 * axes.blur.physical, 1e-3 * axes.rolling_shutter.physical, settings.camera.height_px)
-    return None if is_instantaneous(settings) else FrameCapture(model, lens_of(settings, K), shutter, shake)
+    return None if is_instantaneous(settings) else FrameCapture(model, lens_of(settings), shutter, shake)
 
 
-def lens_of(settings: ResolvedScenario, K: FloatArray) -> Lens:
+def lens_of(settings: ResolvedScenario) -> Lens:
     """The lens of a scenario's camera.
 
     Raises:
@@ -344,7 +342,7 @@ def lens_of(settings: ResolvedScenario, K: FloatArray) -> Lens:
     """
     camera = settings.camera
     try:
-        return Lens(K, settings.distortion, (camera.width_px, camera.height_px))
+        return Lens(camera.K, settings.distortion, (camera.width_px, camera.height_px))
     except ParameterError as error:
         key = "axes.distortion" if camera.calibrated is None else "camera.calibrated with axes.distortion"
         key = "camera.calibrated" if len(settings.distortion) == 4 else key
