@@ -158,12 +158,13 @@ class LocalExecutor(Executor):
 
     def close(self) -> None:
         """See `Executor`."""
-        for pool in self._pools:
-            pool.shutdown(wait=False, cancel_futures=True)
         # Those too that are still starting and have not reported themselves.
         for process in self._context.started:
             if process.pid is not None and process.is_alive():
                 process.kill()
+        # The thread of a pool closes a pipe that the end of the interpreter writes into: it must have ended before.
+        for pool in self._pools:
+            pool.shutdown(wait=True, cancel_futures=True)
 
 
 class WorkerProcess(SpawnProcess):
