@@ -61,7 +61,7 @@ def breaking_tables(found: Limits) -> list[Table]:
     """
     tables: list[Table] = []
     for scenario in dict.fromkeys(one.scenario for one in found.limits):
-        own = [one for one in found.limits if one.scenario == scenario]
+        own = [one for one in found.limits if one.scenario == scenario and not one.mix]
         axes = {one.axis: f"{one.axis} [{one.unit}]" for one in own}
         cells = {(one.tracker, one.axis): _cell(one) for one in own}
         rows = [
@@ -180,7 +180,9 @@ def write_limits_page(path: Path, found: Limits, measured: Mapping[str, Level] =
         [],
         title=path.resolve().name,
         found=found,
-        tables=limit_tables(found, measured),
+        overview=breaking_tables(found) if len(groups) > 1 and len(styles) > 1 else [],
+        tables=limit_tables(found),
+        margins=margin_table(found.limits, measured),
         styles=styles,
         size=(_WIDTH, _HEIGHT),
         plots=[_plot(group, videos) for group in groups.values()],
@@ -340,7 +342,7 @@ def _firsts(limits: Sequence[Limit]) -> list[dict[str, Any]]:
         ends = (one.low or one.range[0], one.high or one.range[1])
         return {
             "axis": one.axis,
-            "text": f"{point_text(one)} {one.unit}" if one.breaking_point is not None else point_text(one),
+            "text": f"{point_text(one)} {one.unit}" if one.breaking_point is not None else _cell(one),
             "times": f"{reached / one.typical:.2g}" if reached else "0",
             "bar": share(reached, one.typical) if reached else 0.0,
             "ends": [share(end, one.typical) for end in ends] if one.verdict == "breaks" else None,

@@ -145,6 +145,10 @@ def test_the_page_shows_curves_and_the_episodes_next_to_a_limit(tmp_path: Path):
     text = page.read_text(encoding="utf-8")
     assert "Margins: breaking point over what was measured in look.mp4" in text
     assert text.count('<svg class="limit"') == 2
+    before, folded = text.split("<details>")
+    assert "What breaks in corridor" in before
+    assert before.index("Margins:") > before.index("What breaks in corridor"), "not folded"
+    assert "certain enough" in folded.split("</details>")[0] or "budget used up" in folded.split("</details>")[0]
     assert "What breaks first" in text
     links = re.findall(r'<video src="([^"]+)"', text)
     assert len(links) == len(shown)
