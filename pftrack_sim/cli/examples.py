@@ -21,7 +21,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "follow": (
         "follow follow/plaza --trackers oracle,ko2012 --seeds 0:2 --out runs/driven",
-        "follow corridor --trackers ncc --controllers servo --latency ncc=measured --seeds 0:2 --out runs/late",
+        "follow corridor --trackers ncc --controllers servo --latency measured --seeds 0:2 --out runs/late",
     ),
     "limit": (
         "limit corridor --axis jitter --axis noise --trackers ncc,deguchi2004 --budget 24 --out runs/limit",

@@ -186,7 +186,7 @@ def follow(
         str,
         typer.Option(
             metavar="A=55,B=measured",
-            help="ms charged per frame, by tracker; measured: once, here; or paper: the printed figures for all.",
+            help="ms charged per frame, by tracker (measured: once, here), or of all: measured, paper (as printed).",
         ),
     ] = "",
     *,

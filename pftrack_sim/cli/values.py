@@ -155,7 +155,9 @@ def parse_part(text: str) -> tuple[int, int]:
 
 
 def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float | None]:
-    """`TRACKER=MS` pairs between commas (`measured` for MS is None), or `paper` for the figures that the papers print.
+    """`TRACKER=MS` pairs between commas; `measured` for MS is None.
+
+    Alone, `measured` is for all trackers but those that are told the truth, `paper` for what the papers print.
 
     TRACKER is a name, or a name with its parameters: `ko2012[particle_count=50]=12`.
 
@@ -167,7 +169,13 @@ def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float | None]
     {'stay': None}
     >>> parse_latency("paper", ["ko2012", "stay"])
     {'ko2012': 100.0}
+    >>> parse_latency("measured", ["ko2012", "oracle"])
+    {'ko2012': None}
     """
+    if text.strip() == "measured":
+        from pftrack_sim.trackers.registry import told
+
+        return {name: None for name in trackers if told(name) != "truth"}
     if text.strip() == "paper":
         from pftrack_sim.policies import PAPER_MS
 
@@ -179,7 +187,7 @@ def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float | None]
             found[name.strip()] = None if number.strip() == "measured" else float(number)
         except ValueError:
             raise ParameterError(
-                f"--latency takes TRACKER=MILLISECONDS (or measured) between commas, or paper; got {pair!r}"
+                f"--latency takes TRACKER=MILLISECONDS (or measured) between commas, measured, or paper; got {pair!r}"
             ) from None
     return found
 

@@ -219,7 +219,7 @@ def test_a_tracker_is_charged_what_it_takes(made: dict[str, Submission]):
         row["ms_median"] = 90.0
 
     assert problems(changed(made["ncc"], slow)) == [
-        "in closed loop it is charged 20 ms per frame, and takes 90.0 ms: follow with --latency ncc=measured"
+        "in closed loop it is charged 20 ms per frame, and takes 90.0 ms: follow with --latency measured"
     ]
 
 

@@ -127,7 +127,7 @@ def test_failed_drives_are_filmed_and_have_causes(tmp_path: Path):
 @pytest.mark.slow
 def test_follow_prints_a_table_and_goes_on_with_the_latency_that_it_measured(tmp_path: Path):
     out = tmp_path / "run"
-    command = ["follow", "plaza-walk", "--trackers", "oracle,stay", "--seeds", "0", "--latency", "stay=measured"]
+    command = ["follow", "plaza-walk", "--trackers", "oracle,stay", "--seeds", "0", "--latency", "measured"]
     command += ["--videos", "none", *HERE, "--out", str(out), *SMALL]
     done = pftrack_sim(*command)
     assert done.returncode == 0, done.stderr

@@ -299,7 +299,7 @@ def problems(one: Submission) -> list[str]:
     takes = float(np.median(times)) if times else 0.0
     found += [
         f"in closed loop it is charged {spec.latency_ms:g} ms per frame, and takes {takes:.1f} ms: follow with "
-        f"--latency {spec.name}=measured"
+        "--latency measured"
         for spec in one.about.trackers
         if spec.controller is not None and spec.latency_ms < 0.5 * takes - 1.0
     ]
