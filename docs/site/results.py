@@ -123,7 +123,7 @@ def make(part: Part, root: Path = ROOT, kept: Path = KEPT, more: str = "") -> bo
     with store.database() as database:
         query = "SELECT * EXCLUDE (printed, file) FROM summary ORDER BY number, place"
         keep(kept / f"{part.name}.parquet", database, query, told)
-    update_document(part.page, root / "runs")
+    update_document(part.page, root / "runs", part.name)
     draw(part.page, part.page.parent / "pictures/results")
     return True
 

@@ -56,8 +56,8 @@ def limit_tables(found: Limits, measured: Mapping[str, Level] = _NOTHING) -> lis
 def breaking_tables(found: Limits) -> list[Table]:
     """For every scenario what breaks each tracker: a column for each axis, and the axis that does so first.
 
-    First is the axis with the smallest breaking point in multiples of its typical level; none where a tracker is broken
-    from the start or breaks nowhere.
+    First is the axis with the smallest breaking point in multiples of its typical level, or with what it is known to be
+    below; none where a tracker is broken from the start or breaks nowhere.
     """
     tables: list[Table] = []
     for scenario in dict.fromkeys(one.scenario for one in found.limits):
@@ -81,11 +81,15 @@ def _cell(one: Limit) -> str:
 
 
 def _first(limits: Sequence[Limit]) -> str:
-    reached = [(one.breaking_point / one.typical, one) for one in limits if one.breaking_point and one.typical]
+    reached: list[tuple[float, str, str]] = []
+    for one in limits:
+        below = {"breaks": one.high, "breaks below the lowest level": one.range[0]}.get(one.verdict)
+        if one.typical and (level := one.breaking_point or below):
+            reached.append((level / one.typical, "at" if one.breaking_point else "below", one.axis))
     if not reached:
         return "-"
-    times, one = min(reached, key=lambda pair: pair[0])
-    return f"{one.axis}, at {times:.2g} x typical"
+    times, where, axis = min(reached)
+    return f"{axis}, {where} {times:.2g} x typical"
 
 
 def _axis_of(one: Limit | Difference) -> str:

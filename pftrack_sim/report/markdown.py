@@ -51,7 +51,7 @@ _BESIDE_OVERLAP = {
 }
 
 
-def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
+def update_document(document: Path, runs: Path, only: str | None = None) -> tuple[list[str], list[str]]:
     """Replace every block `<!-- tables of NAME -->` ... `<!-- end -->` by the tables of the folder `runs/NAME`.
 
     The folder is that of a run, of `limit`, or of `profile`: of conditions, or of scenarios, which are shown by tier.
@@ -61,6 +61,7 @@ def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
     Args:
         document: Markdown file.
         runs: Folder that holds the run folders.
+        only: Name of the one block of a folder that is replaced; None: all.
 
     Returns:
         Names of the blocks written, and of those left as they are because there is no such folder.
@@ -76,6 +77,8 @@ def update_document(document: Path, runs: Path) -> tuple[list[str], list[str]]:
     kept: list[str] = []
 
     def replaced(block: re.Match[str]) -> str:
+        if only not in (None, block["name"]):
+            return block[0]
         folder = runs / block["name"]
         if (folder / "profile.json").is_file():
             heads, *rows = changes_or_tiers(folder / "profile.json")

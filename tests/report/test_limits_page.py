@@ -75,6 +75,14 @@ def test_what_breaks_first_is_the_least_in_typical_levels():
         ["ncc", "1.23 (1 to 1.5)", "3 (2 to 4)", "noise, at 0.4 x typical"],
         ["stay", "not by 12", "broken from the start", "-"],
     ]
+    below = {"tracker": "stay", "breaking_point": None, "low": None, "high": 0.79}
+    lowest = {**noise, "tracker": "stay", "verdict": "breaks below the lowest level", "breaking_point": None}
+    for others, first in (
+        ([FOUND.model_copy(update=below)], "jitter, below 0.5 x typical"),
+        ([FOUND.model_copy(update=below), FOUND.model_copy(update=lowest)], "noise, below 0.013 x typical"),
+    ):
+        (table,) = breaking_tables(found.model_copy(update={"limits": tuple(others)}))
+        assert table.rows[0][-1] == first
 
 
 def test_differences_have_a_table_of_their_own():

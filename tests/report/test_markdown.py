@@ -79,6 +79,12 @@ def test_blocks_with_a_run_folder_are_replaced_and_others_kept(finished: Path, t
     assert tuple(line for line in text.splitlines() if line in ends) == ends
     update_document(document, tmp_path / "runs")
     assert document.read_text() == text
+    (tmp_path / "runs/absent").mkdir()
+    (tmp_path / "runs/absent/run.json").write_text("a run that is not finished")
+    assert update_document(document, tmp_path / "runs", "first") == (["first"], [])
+    assert document.read_text() == text
+    with pytest.raises(RunError):
+        update_document(document, tmp_path / "runs")
 
 
 def test_documents_and_the_page_have_a_suite_s_table_and_its_claims(tmp_path: Path):
