@@ -186,7 +186,7 @@ def follow(
         str,
         typer.Option(
             metavar="A=55,B=measured",
-            help="ms charged per frame, by tracker (measured: once, here), or of all: measured, paper (as printed).",
+            help="ms charged per frame, by tracker (measured: once, here); or for all: measured or paper (as printed).",
         ),
     ] = "",
     *,

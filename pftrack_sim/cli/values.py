@@ -182,12 +182,13 @@ def parse_latency(text: str, trackers: Sequence[str]) -> dict[str, float | None]
         return {name: PAPER_MS[name] for name in trackers if name in PAPER_MS}
     found: dict[str, float | None] = {}
     for pair in parse_names(text):
-        name, _, number = pair.rpartition("=")
+        name, equals, number = (part.strip() for part in pair.rpartition("="))
         try:
-            found[name.strip()] = None if number.strip() == "measured" else float(number)
+            found[name] = None if equals and number == "measured" else float(number if equals else "")
         except ValueError:
             raise ParameterError(
-                f"--latency takes TRACKER=MILLISECONDS (or measured) between commas, measured, or paper; got {pair!r}"
+                "--latency takes TRACKER=MILLISECONDS or TRACKER=measured between commas, or measured or paper for "
+                f"all; got {pair!r}"
             ) from None
     return found
 

@@ -156,7 +156,8 @@ def test_the_page_shows_curves_and_the_episodes_next_to_a_limit(tmp_path: Path):
     before, folded = text.split("<details>")
     assert "What breaks in corridor" in before
     assert before.index("Margins:") > before.index("What breaks in corridor"), "not folded"
-    assert "certain enough" in folded.split("</details>")[0] or "budget used up" in folded.split("</details>")[0]
+    assert "Breaking points: overlap" not in before
+    assert "Breaking points: overlap" in folded.split("</details>")[0]
     assert "What breaks first" in text
     links = re.findall(r'<video src="([^"]+)"', text)
     assert len(links) == len(shown)
