@@ -329,6 +329,18 @@ def test_lists_and_schema():
 
 
 @pytest.mark.slow
+def test_names_are_listed_and_stored_runs_read_without_the_simulator():
+    code = (
+        "import sys, pftrack_sim.benchmark.reading.check\n"
+        "from pftrack_sim.benchmark import RunStore\n"
+        "from pftrack_sim.cli.app import app\n"
+        "for what in ('scenarios', 'suites', 'trackers', 'axes'): app(['list', what], standalone_mode=False)\n"
+        "assert not {'mujoco', 'numba'} & set(sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_doctor_times_what_works():
     doctor = pftrack_sim("doctor")
     assert doctor.returncode == 0
