@@ -59,14 +59,19 @@ def test_plots_of_results_are_those_of_their_tables(tmp_path: Path):
     page.write_text(
         "<!-- tables of ko2012 -->\n\n| Table 2: as printed | video-1 | mean |\n| --- | --- | --- |\n"
         "| `other` | 9 / 8 | 70.0 / 20.0 (10.0 to 30.0) |\n| `stay` | - | - / 15.0 |\n"
-        "| `best` | 9 / 8 | 80.0 / 40.0 (35.0 to 45.0) |\n\n<!-- end -->\n",
+        "| `best[of=all]` | 9 / 8 | 80.0 / 40.0 (35.0 to 45.0) |\n\n<!-- end -->\n",
         encoding="utf-8",
     )
     text = draw(page, tmp_path)[0].read_text(encoding="utf-8")
-    assert "best 40.0, printed 80.0; other 20.0, printed 70.0</title>" in text
+    assert "best[of=all] 40.0, printed 80.0; other 20.0, printed 70.0</title>" in text
     assert ">stay 15.0<" in text
     assert re.findall(r'cx="([\d.]+)"', text) == ["299.2", "241.6"]  # 288 px from 0 to 100, from 184
     assert 'd="M284.8 ' in text
+    page.write_text(page.read_text(encoding="utf-8").replace("of=all", "long=" + 20 * "x"), encoding="utf-8")
+    wide = draw(page, tmp_path)[0].read_text(encoding="utf-8")
+    starts = [int(re.findall(r'viewBox="(-?\d+) ', one)[0]) for one in (text, wide)]
+    assert starts[0] == 0
+    assert starts[1] < 184 - 12 - 7 * len("best[long=]" + 20 * "x"), "a long name has room"
 
 
 def test_code_blocks_are_of_languages_that_are_run():

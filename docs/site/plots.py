@@ -28,7 +28,7 @@ REFERENCES = {"stay": "stay", "fixed size": "fixed size", "fixed_size": "fixed s
 _BLOCK = re.compile(r"<!-- tables of (\S+) -->\n(.*?)<!-- end -->", re.DOTALL)
 _CELL = re.compile(r"(?:(?P<printed>[\d.]+|-) / )?(?P<value>-?[\d.]+)(?: \((?P<low>-?[\d.]+) to (?P<high>-?[\d.]+)\))?")
 
-_WIDTH, _LEFT, _RIGHT, _ROW = 520, 184, 472, 21
+_WIDTH, _LEFT, _RIGHT, _ROW, _LETTER = 520, 184, 472, 21, 7.4
 _STYLE = """text{font:13px system-ui,sans-serif;fill:#1d2b31}.n{font:12px ui-monospace,monospace}.m{fill:#56666d}
 .p{fill:#fff}.g{stroke:#dbe2e5}.r{stroke:#56666d;stroke-dasharray:4 3}.i{stroke:#0a6170;stroke-width:2.5}
 .d{fill:#0a6170}.o{fill:#fff;stroke:#a34a00;stroke-width:1.8}
@@ -98,7 +98,8 @@ def plot(body: str, head: str, column: str, axis: str) -> str:
         f'<text class="m" x="{_x(at):g}" y="{bottom + 16}" text-anchor="middle">{at * whole:g}</text>'
         for at in (0.0, 0.25, 0.5, 0.75, 1.0)
     ]
-    width = _WIDTH + (44 if any(one.printed is not None for one in rows) else 0)
+    start = min(_LEFT - 20 - round(_LETTER * max(len(one.name) for one in rows)), 0)  # Long names need more room
+    width = _WIDTH + (44 if any(one.printed is not None for one in rows) else 0) - start
     told = "; ".join(
         f"{one.group} {one.name} {_text(one.value, whole)}".strip()
         + (f", printed {_text(one.printed, whole)}" if one.printed is not None else "")
@@ -106,10 +107,10 @@ def plot(body: str, head: str, column: str, axis: str) -> str:
     )
     return "\n".join(
         [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {bottom + 42}" role="img">',
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{start} 0 {width} {bottom + 42}" role="img">',
             f"<title>{escape(axis)}: {escape(told)}</title>",
             f"<style>{_STYLE}</style>",
-            f'<rect class="p" width="{width}" height="{bottom + 42}"/>',
+            f'<rect class="p" x="{start}" width="{width}" height="{bottom + 42}"/>',
             *ticks,
             *(
                 f'<path class="r" d="M{_x(at / whole):g} {top - 6}V{bottom}"/>'
