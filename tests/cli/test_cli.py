@@ -328,7 +328,6 @@ def test_lists_and_schema():
     assert pftrack_sim("doctor", "--check").returncode == 0
 
 
-@pytest.mark.slow
 def test_names_are_listed_and_stored_runs_read_without_the_simulator():
     code = (
         "import sys, pftrack_sim.benchmark.reading.check\n"
@@ -341,6 +340,7 @@ def test_names_are_listed_and_stored_runs_read_without_the_simulator():
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_the_doctor_times_what_works():
     doctor = pftrack_sim("doctor")
     assert doctor.returncode == 0
