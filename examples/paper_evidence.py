@@ -4,6 +4,7 @@
     python examples/paper_evidence.py learning --out lee2012-learning.png
     python examples/paper_evidence.py noise
     python examples/paper_evidence.py causes --episodes ko2012/video-4:0,1,2
+    python examples/paper_evidence.py hue --episodes ko2012/video-1:0,1,2
     python examples/paper_evidence.py background --episodes lee2012/07:0,1,2 --seconds 8
 
 `walking-off`: the robot stands, the person walks away, and the height of the box of `kwon2005` is compared with the
@@ -11,13 +12,15 @@ true height, with three settings of its template. `learning`: the likelihood of 
 around the true box, after learning from its own estimates and after learning from the true boxes. `noise`: a table of
 the target's motion in the videos after Ko et al. 2012 beside the noise of `ko2012`, and its effective sample size.
 `causes`: overlaps of `ko2012` in those videos without what covers the target, and without what stands behind it.
+`hue`: how alike the target in full view, and boxes beside it, are to its first frame in each channel of RGB and HSV.
 `background`: the episodes after Lee et al. 2012 that `lee2012` loses by day, each changed in one thing at a time.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import islice
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
@@ -31,6 +34,7 @@ from pftrack_sim import trackers
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.score.curves import success_rate
 from pftrack_sim.score.frames import counted_frames, frame_scores
+from pftrack_sim.trackers.features.pixel_codes import hsv_codes, rgb_codes
 from pftrack_sim.trackers.filters import ParticleFilter
 from pftrack_sim.trackers.papers.ko2012 import METHODS as KO2012_METHODS
 from pftrack_sim.trackers.papers.ko2012 import Ko2012, Ko2012Parameters, Mixture
@@ -231,6 +235,42 @@ def causes(episodes: Mapping[str, Iterable[int]]) -> Iterator[str]:
         yield f"| {scenario} | {' | '.join(f'{value:.2f}' for value in np.mean(rows, axis=0))} |"
 
 
+def hue(episodes: Mapping[str, Iterable[int]]) -> Iterator[str]:
+    """Lines of a table: similarity of 128-bin histograms with the first frame's, by channel."""
+    yield "| | target: R, G, B | beside | difference | target: H, S, V | beside | difference |"
+    yield "| --- | --- | --- | --- | --- | --- | --- |"
+    for scenario, seeds in episodes.items():
+        cells: list[str] = []
+        for codes in (rgb_codes, hsv_codes):
+            rows = np.array([row for seed in seeds for row in similarities(scenario, seed, codes)])
+            own, beside = rows[:, 0].mean(axis=0), rows[:, 1:].mean(axis=(0, 1))
+            cells += [", ".join(f"{value:.2f}" for value in one) for one in (own, beside)]
+            cells.append(f"{(own - beside).mean():.3f}")
+        yield f"| {scenario} | {' | '.join(cells)} |"
+
+
+def similarities(
+    scenario: str, seed: int, codes: Callable[[NDArray[np.uint8], int], NDArray[np.uint8]]
+) -> Iterator[NDArray[np.float64]]:
+    """`(5, 3)` of the target and of boxes 0.6 and 1.2 widths aside, by channel, in every twelfth of 240 frames."""
+    first: NDArray[np.float64] | None = None
+    for index, (image, truth) in enumerate(islice(frames(scenario, seed, {}), 240)):
+        if index % 12 or truth.visible_fraction < 0.9:
+            continue
+        x, y, width, height = truth.amodal_box
+        coded = codes(image, 128)
+        found: list[NDArray[np.float64]] = []
+        for left in x + width * np.array([0.0, -1.2, -0.6, 0.6, 1.2]):
+            box = np.maximum(np.rint([y, y + height, left, left + width]).astype(int), 0)
+            pixels = coded[box[0] : box[1], box[2] : box[3]].reshape(-1, 3)
+            counts = np.array([np.bincount(channel, minlength=128) for channel in pixels.T])
+            found.append(counts / max(len(pixels), 1))
+        if first is None:
+            first = found[0]
+        else:
+            yield np.sqrt(first * np.array(found)).sum(axis=2)
+
+
 def ko2012_overlaps(scenario: str, seed: int) -> list[float]:
     """A row of `causes` for one episode."""
     row: list[float] = []
@@ -304,10 +344,10 @@ def background(episodes: Mapping[str, Iterable[int]], changes: Mapping[str, Any]
 def main() -> None:
     """Draw one of the pictures, or print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("walking-off", "learning", "noise", "causes", "background"))
+    parser.add_argument("what", choices=("walking-off", "learning", "noise", "causes", "hue", "background"))
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", help="file of the picture")
-    parser.add_argument("--episodes", nargs="+", metavar="SCENARIO:SEED,SEED", help="of `causes` and `background`")
+    parser.add_argument("--episodes", nargs="+", metavar="SCENARIO:SEED,SEED", help="of a table, but `noise`")
     parser.add_argument("--seconds", type=float, default=11.0, help="length of an episode of `background`")
     given = parser.parse_args()
     parts = [one.partition(":") for one in given.episodes or ()]
@@ -316,6 +356,7 @@ def main() -> None:
     tables = {
         "noise": lambda: noise(given.seed, videos, {}),
         "causes": lambda: causes(episodes or {video: [0, 1, 2] for video in videos}),
+        "hue": lambda: hue(episodes or {video: [0, 1, 2] for video in videos}),
         "background": lambda: background(episodes or LOST, {"duration_s": given.seconds}),
     }
     if given.what in tables:

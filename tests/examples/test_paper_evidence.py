@@ -1,8 +1,9 @@
 """The evidence for the papers' trackers."""
 
 import importlib
+from collections.abc import Iterator
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -68,3 +69,21 @@ def test_causes_has_two_presets_by_four_changes_and_a_box_of_fixed_size(evidence
     values = [float(cell) for cell in row.strip("| ").split(" | ")[1:]]
     assert len(values) == len(head.strip("| ").split(" | ")) == 9
     assert all(0.0 < value <= 1.0 for value in values)
+
+
+def test_pale_colours_are_less_alike_in_hue_than_in_rgb(monkeypatch: pytest.MonkeyPatch, evidence: Any):
+    rng = np.random.default_rng(0)
+    truth = SimpleNamespace(visible_fraction=1.0, amodal_box=np.array([40.0, 10.0, 20.0, 40.0]))
+
+    def frames(*_: object) -> Iterator[tuple[Any, Any]]:
+        for _ in range(25):
+            image = np.full((60, 100, 3), 60)
+            image[10:50, 40:60] = (122, 120, 121)
+            yield (image + rng.integers(-4, 5, image.shape)).astype(np.uint8), truth
+
+    monkeypatch.setattr(evidence, "frames", frames)
+    cells = list(evidence.hue({"any": [0]}))[-1].strip("| ").split(" | ")
+    rgb, beside, hsv = ([float(one) for one in cells[column].split(",")] for column in (1, 2, 4))
+    assert min(rgb) > 0.97
+    assert max(beside) < 0.6, "beside it is another grey"
+    assert hsv[0] < min(rgb) - 0.02
