@@ -19,9 +19,10 @@ from pftrack_sim.trackers.parameters import NotNegative, Parameters, Share
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter, vertex
 from pftrack_sim.trackers.pftrack.hog_map import CELL_PX
 from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
+from pftrack_sim.trackers.recognition.bystanders import Bystanders, behind
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.parts import PartColours, describe
-from pftrack_sim.trackers.recognition.person import SURE, UNLIKE, UNSURE, KnownPerson
+from pftrack_sim.trackers.recognition.person import NEAR, SURE, UNLIKE, UNSURE, KnownPerson
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import (
     COMPARED,
@@ -32,6 +33,7 @@ from pftrack_sim.trackers.recognition.search import (
     SETTLED,
     Doubt,
     Looks,
+    Place,
     Reach,
     likeness_at,
     ramp,
@@ -123,7 +125,7 @@ class Match(NamedTuple):
     scale: float
 
 
-class Place(NamedTuple):
+class Seen(NamedTuple):
     """A match, and how it looks, with the likeness to the target: `PersonView` of a person, else `Histograms`."""
 
     match: Match
@@ -142,9 +144,10 @@ class Pftrack(BaseTracker):
         self.params = params
         self._size = np.ones(2)
         self._side = 1.0
-        self._scale = 1.0
+        self._scale: float = 1.0
+        self._sure_scale: float = 1.0
         self._centre = np.zeros(2)
-        self._velocity = np.zeros(2)
+        self._velocity: FloatArray = np.zeros(2)
         self._frame = 0
         self._filter: CorrelationFilter
         self._colour: ColourModel
@@ -171,6 +174,7 @@ class Pftrack(BaseTracker):
         pyramid = ImagePyramid(image)
         person = KnownPerson.found(pyramid, self._centre, self._size) if p.person_gain > 0.0 else None
         self._looks = person or PartColours(describe(pyramid, self._centre, self._size))
+        self._bystanders = Bystanders(person) if person else None
         self._camera_shift(image)
         self._learn(pyramid, 1.0)
 
@@ -183,18 +187,36 @@ class Pftrack(BaseTracker):
         place = self._place(pyramid, self._search(pyramid, image, shift))
         usual = self._usual if self._usual is not None else np.array([place.match.score, place.match.peak])
         person = self._looks if isinstance(self._looks, KnownPerson) else None
+        taken = False
+        other: Seen | None = None
+        if person is not None and self._bystanders:
+            at = Place(place.likeness, place.match.scale * self._size, place.match.centre)
+            ahead = Reach(carried + p.momentum * self._velocity, self._sure_scale * self._size, self._missed)
+            own = self._bystanders.look(pyramid, shift, at, place.looks, ahead)
+            taken = own is not at
+            if taken:
+                place = place._replace(likeness=0.0)
+                if own.likeness > 0.0:
+                    other = self._taken_up(pyramid, image, own)
+                else:
+                    carried, self._velocity = own.centre, np.zeros(2)
+                    self._set_scale(float(own.size[1] / self._size[1]), image)
+                    self._sure_scale = self._scale
         self._doubt.see(place.likeness)
-        seen = person is not None and not person.is_covered(place.looks)
+        seen = not taken and person is not None and not person.is_covered(place.looks)
         attempt = self._doubt.search(max(p.search_after, PERSON_AFTER) if seen else p.search_after)
-        if p.search_after and attempt is not None and (other := self._find(pyramid, image, usual, place, attempt)):
-            place, carried, self._velocity = other, other.match.centre, np.zeros(2)
+        if other is None and p.search_after and attempt is not None:
+            other = self._find(pyramid, image, usual, place, attempt)
+        if other:
+            taken, place, carried, self._velocity = False, other, other.match.centre, np.zeros(2)
             self._scale = place.match.scale
             self._doubt.begin_again()
         found = place.match
-        likeness = person.follow(place.looks, place.likeness) if person else place.likeness
+        near = self._scale * float(self._size[1]) > NEAR * image.shape[0]
+        likeness = person.follow(place.looks, place.likeness, near=near) if person else place.likeness
         occluded = likeness < p.unsure_likeness
         self._missed = self._missed + 1 if occluded else 0
-        hold = occluded and found.score < p.occlusion_hold * usual[0]
+        hold = taken or (occluded and found.score < p.occlusion_hold * usual[0])
         self._centre = _inside(carried, image) if hold else found.centre
         peak = min(max(found.peak / max(float(usual[1]), 1e-6), 0.0), 1.0)
         if not hold and p.scale_count > 1 and self._frame % p.scale_interval == 0:
@@ -211,7 +233,12 @@ class Pftrack(BaseTracker):
                     self._looks.learn(place.looks, trust)
                 self._sure_scale = self._scale
         size = self._scale * self._size
+        if self._bystanders:
+            sure = likeness >= p.sure_likeness and not self._doubt
+            self._bystanders.settle(Place(likeness, size, self._centre), sure=sure)
         box = np.concatenate([self._centre - 0.5 * size, size])
+        if taken:
+            return Estimate(box, behind(self._missed))
         hidden = occluded and (hold or person is None or person.is_covered(place.looks))
         return Estimate(box, ramp(likeness, UNLIKE, 1.0), hidden)
 
@@ -253,11 +280,17 @@ class Pftrack(BaseTracker):
         at = _inside(centre + offset * (scale * self._side / p.cells), image)
         return Match(float(scores[row, column]), float(peaks[row, column]), at, scale)
 
-    def _place(self, pyramid: ImagePyramid, match: Match) -> Place:
+    def _place(self, pyramid: ImagePyramid, match: Match) -> Seen:
         looks, likeness = likeness_at(self._looks, pyramid, match.centre, match.scale * self._size)
-        return Place(match, looks, likeness)
+        return Seen(match, looks, likeness)
 
-    def _find(self, pyramid: ImagePyramid, image: Image, usual: FloatArray, now: Place, attempt: int) -> Place | None:
+    def _taken_up(self, pyramid: ImagePyramid, image: Image, at: Place) -> Seen:
+        """The target at a place where it was seen."""
+        match = self._match(pyramid, image, at.centre, float(at.size[1] / self._size[1]))
+        looks, likeness = likeness_at(self._looks, pyramid, at.centre, at.size)
+        return Seen(match._replace(centre=at.centre), looks, likeness)
+
+    def _find(self, pyramid: ImagePyramid, image: Image, usual: FloatArray, now: Seen, attempt: int) -> Seen | None:
         """The best place in the whole image where the target may be; None where no other is as sure as asked for.
 
         Places are proposed by colour at several sizes, ordered by their looks, and compared by the filter.
@@ -268,10 +301,12 @@ class Pftrack(BaseTracker):
         reach = Reach(self._centre, self._sure_scale * self._size, missed)
         proposed = search(image, pyramid, self._looks, self._colour, reach, attempt)
         least = max(p.found_likeness, 0.0 if now.likeness < p.unsure_likeness else now.likeness + p.found_gain)
-        best: Place | None = None
+        best: Seen | None = None
         for one in proposed[:COMPARED]:
             scale = float(one.size[1] / self._size[1])
             place = self._place(pyramid, self._match(pyramid, image, one.centre, scale))
+            if self._bystanders and self._bystanders.hold(Place(0.0, scale * self._size, place.match.centre)):
+                continue
             sure = place.likeness >= least and place.match.peak >= p.found_peak * usual[1]
             if sure and (best is None or place.match.score > best.match.score):
                 best = place

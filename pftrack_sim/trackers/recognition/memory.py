@@ -15,9 +15,11 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.features.camera_motion import CameraMotion
+from pftrack_sim.trackers.recognition.bystanders import Bystanders, behind
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.parts import PartColours, describe
-from pftrack_sim.trackers.recognition.person import SURE, UNLIKE, UNSURE, KnownPerson, PersonView
+from pftrack_sim.trackers.recognition.person import NEAR, SURE, UNLIKE, UNSURE, KnownPerson, PersonView
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import (
     FOUND,
@@ -70,9 +72,13 @@ class TargetMemory:
     def __init__(self, image: Image, box: Box, *, searches: bool) -> None:
         self._searches = searches
         pyramid = ImagePyramid(image)
-        self._centre, self._size = boxes.centre(box), box[2:].copy()
+        self._centre: FloatArray = boxes.centre(box)
+        self._size: FloatArray = box[2:].copy()
         person = KnownPerson.found(pyramid, self._centre, self._size)
         self._looks = person or PartColours(describe(pyramid, self._centre, self._size))
+        self._bystanders = Bystanders(person) if person else None
+        self._camera = CameraMotion()
+        self._camera.shift(image)
         self._colours = ColourModel()
         self._learn_colours(pyramid, 1.0)
         self._doubt = Doubt()
@@ -83,17 +89,32 @@ class TargetMemory:
         pyramid = ImagePyramid(image)
         view, place = self._seen(pyramid, estimated := _place(box, image))
         now = None if place.size is estimated.size or place.likeness < UNSURE else place
+        taken = False
+        found: Place | None = None
+        if self._bystanders:
+            shift = self._camera.shift(image)
+            self._centre = self._centre + shift
+            last = Reach(self._centre, self._size, self._missed)
+            own = self._bystanders.look(pyramid, shift, place, view, last)
+            taken = own is not place
+            if taken:
+                now, place = None, place._replace(likeness=0.0)
+                if own.likeness == 0.0:
+                    self._centre, self._size = own.centre, own.size
+                elif self._searches:
+                    found = own
         self._doubt.see(place.likeness)
-        attempt = self._doubt.search(SEARCH_AFTER if self._is_hidden(view) else PERSON_AFTER)
-        found = None
-        if self._searches and attempt is not None:
+        attempt = self._doubt.search(SEARCH_AFTER if taken or self._is_hidden(view) else PERSON_AFTER)
+        if found is None and self._searches and attempt is not None:
             found = self._find(image, pyramid, place.likeness, box, attempt)
         if found is not None:
             now = place = found
+            taken = False
             self._doubt.begin_again()
             view, _ = likeness_at(self._looks, pyramid, place.centre, place.size)
         known = self._looks
-        likeness = known.follow(view, place.likeness) if isinstance(known, KnownPerson) else place.likeness
+        near = float(place.size[1]) > NEAR * image.shape[0]
+        likeness = known.follow(view, place.likeness, near=near) if isinstance(known, KnownPerson) else place.likeness
         self._missed = 0 if likeness >= UNSURE else self._missed + 1
         if now is None and likeness >= UNSURE and (correction := self._correction(view)):
             now = place = moved(place, correction, SETTLED)
@@ -103,10 +124,15 @@ class TargetMemory:
             if not (self._doubt and isinstance(known, KnownPerson)) or likeness > place.likeness:
                 known.learn(view, trust)
                 self._learn_colours(pyramid, COLOUR_RATE * trust)
+        if self._bystanders:
+            sure = likeness >= SURE and not self._doubt
+            self._bystanders.settle(place if sure else Place(0.0, self._size, self._centre), sure=sure)
+        if taken:
+            return Judgement(behind(self._missed), False)
         return Judgement(
             ramp(likeness, UNLIKE, 1.0),
             likeness < UNSURE and self._is_hidden(view),
-            None if now is None else _box(now),
+            None if now is None else now.box,
             found is not None,
         )
 
@@ -133,12 +159,14 @@ class TargetMemory:
         """The place most like the target that it can have reached, if it is alike enough and not the estimate's."""
         reach = Reach(self._centre, self._size, self._missed)
         places = search(image, pyramid, self._looks, self._colours, reach, attempt)
+        if self._bystanders:
+            places = [one for one in places if not self._bystanders.hold(one)]
         if not places:
             return None
         best = places[0]
-        if best.likeness < max(FOUND, likeness + GAIN) or boxes.iou(_box(best), box) >= SAME:
+        if best.likeness < max(FOUND, likeness + GAIN) or boxes.iou(best.box, box) >= SAME:
             return None
-        return best if boxes.area(boxes.clip(_box(best), *image.shape[1::-1])) > 0.0 else None
+        return best if boxes.area(boxes.clip(best.box, *image.shape[1::-1])) > 0.0 else None
 
     def _correction(self, view: object) -> tuple[FloatArray, float] | None:
         known = self._looks
@@ -155,7 +183,3 @@ class TargetMemory:
 def _place(box: Box, image: Image) -> Place:
     """An estimate as a place that can be looked at; its likeness is not known yet."""
     return Place(0.0, np.maximum(box[2:], MIN_SIZE_PX), np.clip(boxes.centre(box), 0.0, image.shape[1::-1]))
-
-
-def _box(place: Place) -> Box:
-    return np.concatenate([place.centre - 0.5 * place.size, place.size])

@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
+from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.parts import PartColours
-from pftrack_sim.trackers.recognition.person import SURE, UNSURE, KnownPerson, look, look_at_all
+from pftrack_sim.trackers.recognition.person import SURE, UNSURE, KnownPerson, PersonView, look, look_at_all
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 Looks = KnownPerson | PartColours
@@ -79,6 +80,11 @@ class Place(NamedTuple):
     likeness: float
     size: FloatArray
     centre: FloatArray
+
+    @property
+    def box(self) -> Box:
+        """`(4,)` [px]."""
+        return np.concatenate([self.centre - 0.5 * self.size, self.size])
 
 
 class Doubt:
@@ -175,12 +181,24 @@ def _people(image: Image, pyramid: ImagePyramid, known: KnownPerson, reach: Reac
     for place in sorted(found, key=lambda one: -one.likeness):
         apart = APART * float(place.size[1])
         if len(places) < PEOPLE and all(math.dist(place.centre, one.centre) > apart for one in places):
-            for _ in range(LOOKS):
-                off = known.off(look(pyramid, place.centre, place.size))
-                place = place if off is None else moved(place, off)
+            place, _ = person_at(known, pyramid, place) or (place, None)
             if reach.holds(place):
                 places.append(place._replace(likeness=likeness_at(known, pyramid, place.centre, place.size)[1]))
     return places
+
+
+def person_at(
+    known: KnownPerson, pyramid: ImagePyramid, place: Place, looks: int = LOOKS
+) -> tuple[Place, PersonView] | None:
+    """The place of the person who is seen from a place, looked at so many times, and the last view; or None."""
+    view: PersonView | None = None
+    for _ in range(looks):
+        view = look(pyramid, place.centre, place.size)
+        off = known.off(view)
+        if off is None:
+            return None
+        place = moved(place, off)
+    return None if view is None else (place, view)
 
 
 def moved(place: Place, off: tuple[FloatArray, float], share: float = 1.0) -> Place:

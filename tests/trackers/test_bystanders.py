@@ -1,0 +1,127 @@
+"""Whether people beside a target are told from it by where they are and how large, whatever they wear."""
+
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+import pytest
+
+from pftrack_sim.core import boxes
+from pftrack_sim.core.records import Frame
+from pftrack_sim.scenario import load
+from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.trackers.recognition.bystanders import BEHIND, Bystanders
+from pftrack_sim.trackers.recognition.person import KnownPerson, look
+from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
+from pftrack_sim.trackers.recognition.search import Place, Reach
+from tests.trackers.following import follow
+
+SIZE = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 2}
+STILL = np.zeros(2)
+
+
+def place(box: np.ndarray) -> Place:
+    return Place(1.0, box[2:], boxes.centre(box))
+
+
+def beside(frame: Frame) -> list[np.ndarray]:
+    """Boxes of other people who stand apart beside the target."""
+    target = frame.truth.amodal_box
+    return [
+        one.amodal_box
+        for one in frame.people
+        if one.name != frame.truth.name
+        and one.visible_fraction > 0.9
+        and one.truncation == 0.0
+        and one.amodal_box[3] > 0.6 * target[3]
+        and boxes.iou(one.amodal_box, target) < 0.05
+        and abs(boxes.centre(one.amodal_box)[0] - boxes.centre(target)[0]) < 1.3 * target[3]
+    ]
+
+
+@pytest.fixture(scope="module")
+def seen() -> Iterator[tuple[Frame, np.ndarray, Bystanders]]:
+    """A frame, the box of somebody beside the target in it, and those who are followed."""
+    simulation = Simulation(load("follow/plaza", SIZE))
+    frame = simulation.reset(3)
+    while not beside(frame):
+        frame = simulation.advance()
+    yield frame, beside(frame)[0], followed(frame)
+    simulation.close()
+
+
+def seen_from(bystanders: Bystanders, pyramid: ImagePyramid, box: np.ndarray) -> None:
+    at = place(box)
+    bystanders.look(pyramid, STILL, at, look(pyramid, at.centre, at.size), Reach(at.centre, at.size, 0))
+
+
+def followed(frame: Frame) -> Bystanders:
+    pyramid, target = ImagePyramid(frame.image), frame.truth.amodal_box
+    person = KnownPerson.found(pyramid, boxes.centre(target), target[2:])
+    assert person is not None
+    bystanders = Bystanders(person)
+    for _ in range(4):
+        seen_from(bystanders, pyramid, target)
+        bystanders.settle(place(target), sure=True)
+    seen_from(bystanders, pyramid, target)
+    return bystanders
+
+
+def test_who_is_beside_the_target_is_followed_and_the_target_is_not(seen: tuple[Frame, np.ndarray, Bystanders]):
+    frame, other, bystanders = seen
+    target = place(frame.truth.amodal_box)
+    assert bystanders.hold(place(other))
+    assert not bystanders.hold(target)
+
+
+def test_nobody_is_followed_while_the_target_is_not_sure(seen: tuple[Frame, np.ndarray, Bystanders]):
+    frame, other, _ = seen
+    pyramid, target = ImagePyramid(frame.image), frame.truth.amodal_box
+    person = KnownPerson.found(pyramid, boxes.centre(target), target[2:])
+    assert person is not None
+    bystanders = Bystanders(person)
+    for _ in range(8):
+        seen_from(bystanders, pyramid, target)
+        bystanders.settle(place(target), sure=False)
+    seen_from(bystanders, pyramid, target)
+    assert not bystanders.hold(place(other))
+
+
+def twin_walks_by(frame: Frame) -> tuple[list[np.ndarray], np.ndarray]:
+    """Images in which a copy of the target, a third larger, walks by in front of it, and `(N, 4)` boxes of the copy."""
+    image, box = frame.image, frame.truth.amodal_box
+    x, y, width, height = box.round().astype(int)
+    twin = cv2.resize(image[y : y + height, x : x + width], None, fx=1.35, fy=1.35, interpolation=cv2.INTER_LINEAR)
+    rows, columns = twin.shape[:2]
+    top = y + round(1.12 * height) - rows
+    images: list[np.ndarray] = []
+    places: list[list[float]] = []
+    for right in [1.35] * 12 + list(np.linspace(1.35, -1.35, 70)):
+        left = round(x + 0.5 * width + right * height - 0.5 * columns)
+        inside = slice(max(left, 0), left + columns)
+        drawn = image.copy()
+        drawn[max(top, 0) : top + rows, inside] = twin[max(-top, 0) :, inside.start - left :][
+            : image.shape[0] - max(top, 0), : image.shape[1] - inside.start
+        ]
+        images.append(drawn)
+        places.append([left, top, columns, rows])
+    return images, np.array(places, dtype=np.float64)
+
+
+@pytest.mark.parametrize(
+    ("name", "given"), [("pftrack", {}), ("ko2012", {"recognition": "search"}), ("ncc", {"recognition": "search"})]
+)
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_twin_who_walks_by_in_front_is_not_taken_for_the_target(name: str, given: dict[str, str], seed: int):
+    simulation = Simulation(load("follow/plaza", SIZE))
+    frame = simulation.reset(seed)
+    while frame.truth.visible_fraction < 0.97 or not 90 < frame.truth.amodal_box[3] < 150:
+        frame = simulation.advance()
+    simulation.close()
+    box = frame.truth.amodal_box
+    images, twin = twin_walks_by(frame)
+    estimates = follow(name, images, box, **given)
+    behind = [boxes.iou(one, box) > 0.5 for one in twin[1:]]
+    assert any(behind)
+    assert max(one.confidence for one, hidden in zip(estimates, behind, strict=True) if hidden) <= BEHIND
+    assert min(boxes.iou(one.box, box) for one in estimates[-20:]) > 0.5
