@@ -110,8 +110,9 @@ class BaseTracker(ABC):
         if judged.elsewhere and judged.box is not None:
             self._start(pixels, judged.box)
             return Estimate(judged.box, judged.confidence, judged.occluded)
-        box = estimate.box if judged.box is None or not self._moves_to(judged.box) else judged.box
-        return Estimate(box, judged.confidence, estimate.occluded or judged.occluded, estimate.particles)
+        if judged.box is not None and self._moves_to(judged.box):
+            return Estimate(judged.box, judged.confidence, judged.occluded, estimate.particles)
+        return Estimate(estimate.box, judged.confidence, estimate.occluded or judged.occluded, estimate.particles)
 
     @abstractmethod
     def _start(self, image: Image, box: Box) -> None: ...

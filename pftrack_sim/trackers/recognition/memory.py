@@ -98,7 +98,7 @@ class TargetMemory:
             own = self._bystanders.look(pyramid, shift, place, view, last)
             taken = own is not place
             if taken:
-                now, place = None, place._replace(likeness=0.0)
+                now, place = own if self._searches else None, place._replace(likeness=0.0)
                 if own.likeness == 0.0:
                     self._centre, self._size = own.centre, own.size
                 elif self._searches:
@@ -127,11 +127,10 @@ class TargetMemory:
         if self._bystanders:
             sure = likeness >= SURE and not self._doubt
             self._bystanders.settle(place if sure else Place(0.0, self._size, self._centre), sure=sure)
-        if taken:
-            return Judgement(behind(self._missed), False)
+        hidden = taken and now is not None
         return Judgement(
-            ramp(likeness, UNLIKE, 1.0),
-            likeness < UNSURE and self._is_hidden(view),
+            behind(self._missed) if hidden else ramp(likeness, UNLIKE, 1.0),
+            not taken and likeness < UNSURE and self._is_hidden(view),
             None if now is None else now.box,
             found is not None,
         )
