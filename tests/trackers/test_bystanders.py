@@ -74,6 +74,17 @@ def test_who_is_beside_the_target_is_followed_and_the_target_is_not(seen: tuple[
     assert not bystanders.hold(target)
 
 
+def test_a_person_where_the_target_is_expected_continues_it_and_one_who_is_elsewhere_does_not(
+    seen: tuple[Frame, np.ndarray, Bystanders],
+):
+    frame, other, _ = seen
+    bystanders, pyramid, target = followed(frame), ImagePyramid(frame.image), place(frame.truth.amodal_box)
+    assert bystanders.continues
+    view = look(pyramid, target.centre, target.size)
+    bystanders.look(pyramid, STILL, target, view, Reach(boxes.centre(other), other[2:], 0))
+    assert not bystanders.continues
+
+
 def test_nobody_is_followed_while_the_target_is_not_sure(seen: tuple[Frame, np.ndarray, Bystanders]):
     frame, other, _ = seen
     pyramid, target = ImagePyramid(frame.image), frame.truth.amodal_box

@@ -41,6 +41,8 @@ from pftrack_sim.trackers.recognition.search import (
 )
 
 MIN_SIZE_PX = 4.0
+UNBROKEN = 0.5
+"""Least confidence of a person who has been followed without a break since they were sure."""
 SLOW, FORGETTING = 0.05, 0.1
 """Weight of a new frame that is sure in the running means of the responses, and the share of it that others have."""
 APART = 0.15
@@ -175,6 +177,7 @@ class Pftrack(BaseTracker):
         person = KnownPerson.found(pyramid, self._centre, self._size) if p.person_gain > 0.0 else None
         self._looks = person or PartColours(describe(pyramid, self._centre, self._size))
         self._bystanders = Bystanders(person) if person else None
+        self._unbroken = True
         self._camera_shift(image)
         self._learn(pyramid, 1.0)
 
@@ -191,7 +194,7 @@ class Pftrack(BaseTracker):
         other: Seen | None = None
         if person is not None and self._bystanders:
             at = Place(place.likeness, place.match.scale * self._size, place.match.centre)
-            ahead = Reach(carried + p.momentum * self._velocity, self._sure_scale * self._size, self._missed)
+            ahead = Reach(carried + p.momentum * self._velocity, self._scale * self._size, self._missed)
             own = self._bystanders.look(pyramid, shift, at, place.looks, ahead)
             taken = own is not at
             if taken:
@@ -221,7 +224,8 @@ class Pftrack(BaseTracker):
         peak = min(max(found.peak / max(float(usual[1]), 1e-6), 0.0), 1.0)
         if not hold and p.scale_count > 1 and self._frame % p.scale_interval == 0:
             self._rescale(pyramid, image, peak)
-        if person is not None and not occluded:  # who is not alike may be another, in front
+        # Who is unlike and in view may be turned or in shade: nobody who was seen beside it is in the box.
+        if person is not None and not taken and (not occluded or not person.is_covered(place.looks)):
             self._settle(person.correction(place.looks), image)
         if not occluded:
             trust = ramp(likeness, p.unsure_likeness, p.sure_likeness)
@@ -237,8 +241,14 @@ class Pftrack(BaseTracker):
             sure = likeness >= p.sure_likeness and not self._doubt
             self._bystanders.settle(Place(likeness, size, self._centre), sure=sure)
         box = np.concatenate([self._centre - 0.5 * size, size])
+        self._unbroken &= not taken
         if taken:
             return Estimate(box, behind(self._missed))
+        if person is not None and self._bystanders:
+            goes_on = self._unbroken and self._bystanders.continues and not hold and not person.is_covered(place.looks)
+            self._unbroken = likeness >= p.sure_likeness or (goes_on and other is None)
+            if self._unbroken:
+                return Estimate(box, max(ramp(likeness, UNLIKE, 1.0), UNBROKEN))
         hidden = occluded and (hold or person is None or person.is_covered(place.looks))
         return Estimate(box, ramp(likeness, UNLIKE, 1.0), hidden)
 

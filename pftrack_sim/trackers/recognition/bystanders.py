@@ -28,6 +28,7 @@ SHIFT, GROWTH, WIDENING = 0.25, 0.12, 0.2
 """Standard deviations of a prediction for the next frame, in heights of the box and of the logarithm of its height, and
 the share by which both are larger for each frame without a sight."""
 UNLIKE = 0.1  # Standard deviation of one minus the product of the identities of two views of a person
+CONTINUES = 4.0  # Squared distance from its prediction up to which a person in the box may be the target of before
 GATE = 16.0  # Squared distance from a prediction beyond which a person is another
 SAME, OTHER = 0.5, 0.3  # Overlap from which two boxes are of one person, and up to which they are of two
 LEAST_SIZE = 0.6  # In the target's heights: who is farther away does not cover it
@@ -57,10 +58,14 @@ class _Person:
     def distance(self, sight: _Sight) -> float:
         """Squared distance of a sight from what is predicted, in standard deviations."""
         wider = 1.0 + WIDENING * self.unseen
+        unlike = (1.0 - float(sight.identity @ self.identity)) / UNLIKE
+        return self.off(sight) / (wider * wider) + unlike * unlike
+
+    def off(self, sight: _Sight) -> float:
+        """The same of place and size alone, as if the last frame had been a sight."""
         growth = math.log(float(sight.place.size[1] / self.place.size[1])) / GROWTH
         shift = math.dist(sight.place.centre, self.place.centre) / (SHIFT * float(self.place.size[1]))
-        unlike = (1.0 - float(sight.identity @ self.identity)) / UNLIKE
-        return (growth * growth + shift * shift) / (wider * wider) + unlike * unlike
+        return growth * growth + shift * shift
 
     def carry(self, place: Place) -> Place:
         """A predicted place, with a likeness of 0, that goes and grows with this person, who walks before it."""
@@ -85,6 +90,8 @@ class Bystanders:
         self._target = target
         self._people: list[_Person] = []
         self._frame = 0
+        self.continues = True
+        """Whether there is a person in the box about where the target was expected."""
 
     def look(self, pyramid: ImagePyramid, shift: FloatArray, place: Place, view: PersonView, target: Reach) -> Place:
         """Where the target is in the next image, in which its box is at a place with a view.
@@ -108,6 +115,7 @@ class Bystanders:
         off = self._target.off(view)
         here = _Sight(place if off is None else moved(place, off), view.identity)
         expected = _Person(Place(0.0, target.size, target.centre), self._target.identity, target.missed)
+        self.continues = off is not None and expected.off(here) < CONTINUES
         before, sights = self._assigned(here, expected)
         if before is None:
             return place

@@ -116,7 +116,8 @@ class TargetMemory:
         near = float(place.size[1]) > NEAR * image.shape[0]
         likeness = known.follow(view, place.likeness, near=near) if isinstance(known, KnownPerson) else place.likeness
         self._missed = 0 if likeness >= UNSURE else self._missed + 1
-        if now is None and likeness >= UNSURE and (correction := self._correction(view)):
+        visible = not taken and (likeness >= UNSURE or not self._is_hidden(view))
+        if now is None and visible and (correction := self._correction(view)):
             now = place = moved(place, correction, SETTLED)
         trust = ramp(likeness, UNSURE, SURE)
         if trust > 0.0:
