@@ -79,9 +79,9 @@ def test_a_person_who_becomes_unlike_gradually_is_followed_for_a_while(frames: l
     assert all(after <= before for before, after in itertools.pairwise(followed))
     assert followed[-1] == unlike, "not for ever"
     assert known.follow(view, 0.97) == 0.97
-    close = [known.follow(view, unlike, near=True) for _ in range(200)]
-    assert min(close) == SURE, "nobody has room to take the place of who fills the image"
-    assert known.follow(view, 0.6, near=True) == 0.6, "but something else may"
+    close = [known.follow(view, unlike, close_up=True) for _ in range(200)]
+    assert min(close) == SURE, "nobody fits in between"
+    assert known.follow(view, 0.6, close_up=True) == 0.6, "but what is no person at all is not the target"
     assert known.follow(view, 0.97) == 0.97
     assert known.follow(view, 0.6) == 0.6, "a view at which the confidence is 0 ends it"
     assert known.follow(view, unlike) == unlike

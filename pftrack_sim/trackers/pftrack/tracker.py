@@ -19,10 +19,10 @@ from pftrack_sim.trackers.parameters import NotNegative, Parameters, Share
 from pftrack_sim.trackers.pftrack.correlation import CorrelationFilter, vertex
 from pftrack_sim.trackers.pftrack.hog_map import CELL_PX
 from pftrack_sim.trackers.pftrack.scale import ScaleFilter, core
-from pftrack_sim.trackers.recognition.bystanders import Bystanders, behind
 from pftrack_sim.trackers.recognition.colour import ColourModel
+from pftrack_sim.trackers.recognition.distractors import Distractors, occluded_confidence
 from pftrack_sim.trackers.recognition.parts import PartColours, describe
-from pftrack_sim.trackers.recognition.person import NEAR, SURE, UNLIKE, UNSURE, KnownPerson
+from pftrack_sim.trackers.recognition.person import CLOSE_UP, SURE, UNLIKE, UNSURE, KnownPerson
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import (
     COMPARED,
@@ -41,8 +41,7 @@ from pftrack_sim.trackers.recognition.search import (
 )
 
 MIN_SIZE_PX = 4.0
-UNBROKEN = 0.5
-"""Least confidence of a person who has been followed without a break since they were sure."""
+CONTINUOUS = 0.5  # Least confidence of a person who has been in the gate of their prediction since they were sure
 SLOW, FORGETTING = 0.05, 0.1
 """Weight of a new frame that is sure in the running means of the responses, and the share of it that others have."""
 APART = 0.15
@@ -176,8 +175,8 @@ class Pftrack(BaseTracker):
         pyramid = ImagePyramid(image)
         person = KnownPerson.found(pyramid, self._centre, self._size) if p.person_gain > 0.0 else None
         self._looks = person or PartColours(describe(pyramid, self._centre, self._size))
-        self._bystanders = Bystanders(person) if person else None
-        self._unbroken = True
+        self._distractors = Distractors(person) if person else None
+        self._continuous = person is not None
         self._camera_shift(image)
         self._learn(pyramid, 1.0)
 
@@ -190,42 +189,42 @@ class Pftrack(BaseTracker):
         place = self._place(pyramid, self._search(pyramid, image, shift))
         usual = self._usual if self._usual is not None else np.array([place.match.score, place.match.peak])
         person = self._looks if isinstance(self._looks, KnownPerson) else None
-        taken = False
+        on_distractor = False
         other: Seen | None = None
-        if person is not None and self._bystanders:
+        if person is not None and self._distractors:
             at = Place(place.likeness, place.match.scale * self._size, place.match.centre)
             ahead = Reach(carried + p.momentum * self._velocity, self._scale * self._size, self._missed)
-            own = self._bystanders.look(pyramid, shift, at, place.looks, ahead)
-            taken = own is not at
-            if taken:
+            assigned = self._distractors.associate(pyramid, shift, at, place.looks, ahead)
+            on_distractor = assigned is not at
+            if on_distractor:
                 place = place._replace(likeness=0.0)
-                if own.likeness > 0.0:
-                    other = self._taken_up(pyramid, image, own)
+                if assigned.likeness > 0.0:
+                    other = self._seen_at(pyramid, image, assigned)
                 else:
-                    carried, self._velocity = own.centre, np.zeros(2)
-                    self._set_scale(float(own.size[1] / self._size[1]), image)
+                    carried, self._velocity = assigned.centre, np.zeros(2)
+                    self._set_scale(float(assigned.size[1] / self._size[1]), image)
                     self._sure_scale = self._scale
         self._doubt.see(place.likeness)
-        seen = not taken and person is not None and not person.is_covered(place.looks)
+        seen = not on_distractor and person is not None and not person.is_covered(place.looks)
         attempt = self._doubt.search(max(p.search_after, PERSON_AFTER) if seen else p.search_after)
         if other is None and p.search_after and attempt is not None:
             other = self._find(pyramid, image, usual, place, attempt)
         if other:
-            taken, place, carried, self._velocity = False, other, other.match.centre, np.zeros(2)
+            on_distractor, place, carried, self._velocity = False, other, other.match.centre, np.zeros(2)
             self._scale = place.match.scale
             self._doubt.begin_again()
         found = place.match
-        near = self._scale * float(self._size[1]) > NEAR * image.shape[0]
-        likeness = person.follow(place.looks, place.likeness, near=near) if person else place.likeness
+        close = self._scale * float(self._size[1]) > CLOSE_UP * image.shape[0]
+        likeness = person.follow(place.looks, place.likeness, close_up=close) if person else place.likeness
         occluded = likeness < p.unsure_likeness
         self._missed = self._missed + 1 if occluded else 0
-        hold = taken or (occluded and found.score < p.occlusion_hold * usual[0])
+        hold = on_distractor or (occluded and found.score < p.occlusion_hold * usual[0])
         self._centre = _inside(carried, image) if hold else found.centre
         peak = min(max(found.peak / max(float(usual[1]), 1e-6), 0.0), 1.0)
         if not hold and p.scale_count > 1 and self._frame % p.scale_interval == 0:
             self._rescale(pyramid, image, peak)
-        # Who is unlike and in view may be turned or in shade: nobody who was seen beside it is in the box.
-        if person is not None and not taken and (not occluded or not person.is_covered(place.looks)):
+        # No distractor is in the box: a person in it who is unlike the target may be the target, turned or in shade.
+        if person is not None and not on_distractor and (not occluded or not person.is_covered(place.looks)):
             self._settle(person.correction(place.looks), image)
         if not occluded:
             trust = ramp(likeness, p.unsure_likeness, p.sure_likeness)
@@ -237,20 +236,17 @@ class Pftrack(BaseTracker):
                     self._looks.learn(place.looks, trust)
                 self._sure_scale = self._scale
         size = self._scale * self._size
-        if self._bystanders:
+        if self._distractors:
+            in_view = person is not None and not hold and not person.is_covered(place.looks)
+            goes_on = self._continuous and in_view and self._distractors.in_gate and other is None
+            self._continuous = likeness >= p.sure_likeness or goes_on
             sure = likeness >= p.sure_likeness and not self._doubt
-            self._bystanders.settle(Place(likeness, size, self._centre), sure=sure)
+            self._distractors.update(Place(likeness, size, self._centre), sure=sure)
         box = np.concatenate([self._centre - 0.5 * size, size])
-        self._unbroken &= not taken
-        if taken:
-            return Estimate(box, behind(self._missed))
-        if person is not None and self._bystanders:
-            goes_on = self._unbroken and self._bystanders.continues and not hold and not person.is_covered(place.looks)
-            self._unbroken = likeness >= p.sure_likeness or (goes_on and other is None)
-            if self._unbroken:
-                return Estimate(box, max(ramp(likeness, UNLIKE, 1.0), UNBROKEN))
+        if on_distractor:
+            return Estimate(box, occluded_confidence(self._missed))
         hidden = occluded and (hold or person is None or person.is_covered(place.looks))
-        return Estimate(box, ramp(likeness, UNLIKE, 1.0), hidden)
+        return Estimate(box, max(ramp(likeness, UNLIKE, 1.0), CONTINUOUS if self._continuous else 0.0), hidden)
 
     def _camera_shift(self, image: Image) -> FloatArray:
         return self._camera.shift(image) if self.params.camera_motion else np.zeros(2)
@@ -294,7 +290,7 @@ class Pftrack(BaseTracker):
         looks, likeness = likeness_at(self._looks, pyramid, match.centre, match.scale * self._size)
         return Seen(match, looks, likeness)
 
-    def _taken_up(self, pyramid: ImagePyramid, image: Image, at: Place) -> Seen:
+    def _seen_at(self, pyramid: ImagePyramid, image: Image, at: Place) -> Seen:
         """The target at a place where it was seen."""
         match = self._match(pyramid, image, at.centre, float(at.size[1] / self._size[1]))
         looks, likeness = likeness_at(self._looks, pyramid, at.centre, at.size)
@@ -315,7 +311,7 @@ class Pftrack(BaseTracker):
         for one in proposed[:COMPARED]:
             scale = float(one.size[1] / self._size[1])
             place = self._place(pyramid, self._match(pyramid, image, one.centre, scale))
-            if self._bystanders and self._bystanders.hold(Place(0.0, scale * self._size, place.match.centre)):
+            if self._distractors and self._distractors.are_at(Place(0.0, scale * self._size, place.match.centre)):
                 continue
             sure = place.likeness >= least and place.match.peak >= p.found_peak * usual[1]
             if sure and (best is None or place.match.score > best.match.score):

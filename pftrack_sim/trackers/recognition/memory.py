@@ -16,10 +16,10 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
-from pftrack_sim.trackers.recognition.bystanders import Bystanders, behind
 from pftrack_sim.trackers.recognition.colour import ColourModel
+from pftrack_sim.trackers.recognition.distractors import Distractors, occluded_confidence
 from pftrack_sim.trackers.recognition.parts import PartColours, describe
-from pftrack_sim.trackers.recognition.person import NEAR, SURE, UNLIKE, UNSURE, KnownPerson, PersonView
+from pftrack_sim.trackers.recognition.person import CLOSE_UP, SURE, UNLIKE, UNSURE, KnownPerson, PersonView
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import (
     FOUND,
@@ -76,7 +76,7 @@ class TargetMemory:
         self._size: FloatArray = box[2:].copy()
         person = KnownPerson.found(pyramid, self._centre, self._size)
         self._looks = person or PartColours(describe(pyramid, self._centre, self._size))
-        self._bystanders = Bystanders(person) if person else None
+        self._distractors = Distractors(person) if person else None
         self._camera = CameraMotion()
         self._camera.shift(image)
         self._colours = ColourModel()
@@ -89,34 +89,36 @@ class TargetMemory:
         pyramid = ImagePyramid(image)
         view, place = self._seen(pyramid, estimated := _place(box, image))
         now = None if place.size is estimated.size or place.likeness < UNSURE else place
-        taken = False
+        on_distractor = False
         found: Place | None = None
-        if self._bystanders:
+        if self._distractors:
             shift = self._camera.shift(image)
             self._centre = self._centre + shift
             last = Reach(self._centre, self._size, self._missed)
-            own = self._bystanders.look(pyramid, shift, place, view, last)
-            taken = own is not place
-            if taken:
-                now, place = own if self._searches else None, place._replace(likeness=0.0)
-                if own.likeness == 0.0:
-                    self._centre, self._size = own.centre, own.size
+            assigned = self._distractors.associate(pyramid, shift, place, view, last)
+            on_distractor = assigned is not place
+            if on_distractor:
+                now, place = assigned if self._searches else None, place._replace(likeness=0.0)
+                if assigned.likeness == 0.0:
+                    self._centre, self._size = assigned.centre, assigned.size
                 elif self._searches:
-                    found = own
+                    found = assigned
         self._doubt.see(place.likeness)
-        attempt = self._doubt.search(SEARCH_AFTER if taken or self._is_hidden(view) else PERSON_AFTER)
+        attempt = self._doubt.search(SEARCH_AFTER if on_distractor or self._is_hidden(view) else PERSON_AFTER)
         if found is None and self._searches and attempt is not None:
             found = self._find(image, pyramid, place.likeness, box, attempt)
         if found is not None:
             now = place = found
-            taken = False
+            on_distractor = False
             self._doubt.begin_again()
             view, _ = likeness_at(self._looks, pyramid, place.centre, place.size)
         known = self._looks
-        near = float(place.size[1]) > NEAR * image.shape[0]
-        likeness = known.follow(view, place.likeness, near=near) if isinstance(known, KnownPerson) else place.likeness
+        close = float(place.size[1]) > CLOSE_UP * image.shape[0]
+        likeness = (
+            known.follow(view, place.likeness, close_up=close) if isinstance(known, KnownPerson) else place.likeness
+        )
         self._missed = 0 if likeness >= UNSURE else self._missed + 1
-        visible = not taken and (likeness >= UNSURE or not self._is_hidden(view))
+        visible = not on_distractor and (likeness >= UNSURE or not self._is_hidden(view))
         if now is None and visible and (correction := self._correction(view)):
             now = place = moved(place, correction, SETTLED)
         trust = ramp(likeness, UNSURE, SURE)
@@ -125,13 +127,13 @@ class TargetMemory:
             if not (self._doubt and isinstance(known, KnownPerson)) or likeness > place.likeness:
                 known.learn(view, trust)
                 self._learn_colours(pyramid, COLOUR_RATE * trust)
-        if self._bystanders:
+        if self._distractors:
             sure = likeness >= SURE and not self._doubt
-            self._bystanders.settle(place if sure else Place(0.0, self._size, self._centre), sure=sure)
-        hidden = taken and now is not None
+            self._distractors.update(place if sure else Place(0.0, self._size, self._centre), sure=sure)
+        occluded = on_distractor and now is not None
         return Judgement(
-            behind(self._missed) if hidden else ramp(likeness, UNLIKE, 1.0),
-            not taken and likeness < UNSURE and self._is_hidden(view),
+            occluded_confidence(self._missed) if occluded else ramp(likeness, UNLIKE, 1.0),
+            not on_distractor and likeness < UNSURE and self._is_hidden(view),
             None if now is None else now.box,
             found is not None,
         )
@@ -159,8 +161,8 @@ class TargetMemory:
         """The place most like the target that it can have reached, if it is alike enough and not the estimate's."""
         reach = Reach(self._centre, self._size, self._missed)
         places = search(image, pyramid, self._looks, self._colours, reach, attempt)
-        if self._bystanders:
-            places = [one for one in places if not self._bystanders.hold(one)]
+        if self._distractors:
+            places = [one for one in places if not self._distractors.are_at(one)]
         if not places:
             return None
         best = places[0]

@@ -46,8 +46,7 @@ RECENT, CONTINUOUS = 0.07, 0.93
 """Weight of a new view in the short-term mean of the identity, and its least product with that mean if it is a view of
 the same person."""
 FADE = 0.0012  # Most that the likeness of a person who is followed without a break falls in a frame
-NEAR = 0.85
-"""Height of a box, as a share of the image's, from which on a person is so near that nobody walks between."""
+CLOSE_UP = 0.85  # Height of a box, as a share of the image's, from which on another person hardly fits in between
 COVERED = 0.79
 """Likeness of a person of whom nothing is seen, from which it grows with the visible share."""
 
@@ -131,21 +130,21 @@ class KnownPerson:
         seen = found.visible / self._first.visible
         return min(1.0 - STRETCH * (1.0 - 0.5 * (identity + colours)), COVERED + 1.25 * (1.0 - COVERED) * seen)
 
-    def follow(self, found: PersonView, likeness: float, *, near: bool = False) -> float:
+    def follow(self, found: PersonView, likeness: float, *, close_up: bool = False) -> float:
         """The likeness of the followed box in the next frame; `likeness` is that of its view with the long-term means.
 
         A person who turns or walks into shade becomes unlike the long-term means gradually; a change to another person
         is sudden. From `SURE` on, the likeness therefore falls by `FADE` a frame at most, as long as the identity stays
         close to its short-term mean (short- and long-term memory: Ye et al. 2023, arXiv:2309.11727). It does not fall
-        while they are `near`: the image cuts them, or shows them from above, as the network has hardly seen anybody.
+        in a `close_up`: the image truncates the person or shows them from above, rare in what the network learnt from.
         """
         close = float(found.identity @ self._recent) >= CONTINUOUS * float(np.linalg.norm(self._recent))
-        continuous = likeness > UNLIKE and (near or (close and not self.is_covered(found)))
+        continuous = likeness > UNLIKE and (close_up or (close and not self.is_covered(found)))
         self._recent += np.float32(RECENT) * (found.identity - self._recent)
         if likeness >= SURE:
             self._carried = SURE
         else:
-            self._carried = self._carried - (0.0 if near else FADE) if continuous else 0.0
+            self._carried = self._carried - (0.0 if close_up else FADE) if continuous else 0.0
         return max(likeness, self._carried)
 
     def learn(self, found: PersonView, trust: float) -> None:

@@ -1,4 +1,4 @@
-"""Whether people beside a target are told from it by where they are and how large, whatever they wear."""
+"""Whether distractors are told from the target by position and size, whatever they wear."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Frame
 from pftrack_sim.scenario import load
 from pftrack_sim.simulation.simulation import Simulation
-from pftrack_sim.trackers.recognition.bystanders import BEHIND, Bystanders
+from pftrack_sim.trackers.recognition.distractors import OCCLUDED, Distractors
 from pftrack_sim.trackers.recognition.person import KnownPerson, look
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import Place, Reach
@@ -40,62 +40,55 @@ def beside(frame: Frame) -> list[np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def seen() -> Iterator[tuple[Frame, np.ndarray, Bystanders]]:
-    """A frame, the box of somebody beside the target in it, and those who are followed."""
+def seen() -> Iterator[tuple[Frame, np.ndarray, Distractors]]:
+    """A frame, the box of a distractor in it, and those who are tracked."""
     simulation = Simulation(load("follow/plaza", SIZE))
     frame = simulation.reset(3)
     while not beside(frame):
         frame = simulation.advance()
-    yield frame, beside(frame)[0], followed(frame)
+    yield frame, beside(frame)[0], tracked(frame)
     simulation.close()
 
 
-def seen_from(bystanders: Bystanders, pyramid: ImagePyramid, box: np.ndarray) -> None:
+def seen_from(distractors: Distractors, pyramid: ImagePyramid, box: np.ndarray) -> None:
     at = place(box)
-    bystanders.look(pyramid, STILL, at, look(pyramid, at.centre, at.size), Reach(at.centre, at.size, 0))
+    distractors.associate(pyramid, STILL, at, look(pyramid, at.centre, at.size), Reach(at.centre, at.size, 0))
 
 
-def followed(frame: Frame) -> Bystanders:
+def tracked(frame: Frame, *, sure: bool = True) -> Distractors:
+    """Those who are tracked after the same frame has been seen four times."""
     pyramid, target = ImagePyramid(frame.image), frame.truth.amodal_box
     person = KnownPerson.found(pyramid, boxes.centre(target), target[2:])
     assert person is not None
-    bystanders = Bystanders(person)
+    distractors = Distractors(person)
     for _ in range(4):
-        seen_from(bystanders, pyramid, target)
-        bystanders.settle(place(target), sure=True)
-    seen_from(bystanders, pyramid, target)
-    return bystanders
+        seen_from(distractors, pyramid, target)
+        distractors.update(place(target), sure=sure)
+    seen_from(distractors, pyramid, target)
+    return distractors
 
 
-def test_who_is_beside_the_target_is_followed_and_the_target_is_not(seen: tuple[Frame, np.ndarray, Bystanders]):
-    frame, other, bystanders = seen
+def test_who_is_beside_the_target_is_tracked_and_the_target_is_not(seen: tuple[Frame, np.ndarray, Distractors]):
+    frame, other, distractors = seen
     target = place(frame.truth.amodal_box)
-    assert bystanders.hold(place(other))
-    assert not bystanders.hold(target)
+    assert distractors.are_at(place(other))
+    assert not distractors.are_at(target)
 
 
-def test_a_person_where_the_target_is_expected_continues_it_and_one_who_is_elsewhere_does_not(
-    seen: tuple[Frame, np.ndarray, Bystanders],
+def test_only_a_person_where_the_target_is_predicted_is_in_its_gate(
+    seen: tuple[Frame, np.ndarray, Distractors],
 ):
     frame, other, _ = seen
-    bystanders, pyramid, target = followed(frame), ImagePyramid(frame.image), place(frame.truth.amodal_box)
-    assert bystanders.continues
+    distractors, pyramid, target = tracked(frame), ImagePyramid(frame.image), place(frame.truth.amodal_box)
+    assert distractors.in_gate
     view = look(pyramid, target.centre, target.size)
-    bystanders.look(pyramid, STILL, target, view, Reach(boxes.centre(other), other[2:], 0))
-    assert not bystanders.continues
+    distractors.associate(pyramid, STILL, target, view, Reach(boxes.centre(other), other[2:], 0))
+    assert not distractors.in_gate
 
 
-def test_nobody_is_followed_while_the_target_is_not_sure(seen: tuple[Frame, np.ndarray, Bystanders]):
+def test_nobody_is_tracked_while_the_target_is_not_sure(seen: tuple[Frame, np.ndarray, Distractors]):
     frame, other, _ = seen
-    pyramid, target = ImagePyramid(frame.image), frame.truth.amodal_box
-    person = KnownPerson.found(pyramid, boxes.centre(target), target[2:])
-    assert person is not None
-    bystanders = Bystanders(person)
-    for _ in range(8):
-        seen_from(bystanders, pyramid, target)
-        bystanders.settle(place(target), sure=False)
-    seen_from(bystanders, pyramid, target)
-    assert not bystanders.hold(place(other))
+    assert not tracked(frame, sure=False).are_at(place(other))
 
 
 def twin_walks_by(frame: Frame) -> tuple[list[np.ndarray], np.ndarray]:
@@ -134,5 +127,5 @@ def test_a_twin_who_walks_by_in_front_is_not_taken_for_the_target(name: str, giv
     estimates = follow(name, images, box, **given)
     behind = [boxes.iou(one, box) > 0.5 for one in twin[1:]]
     assert any(behind)
-    assert max(one.confidence for one, hidden in zip(estimates, behind, strict=True) if hidden) <= BEHIND
+    assert max(one.confidence for one, hidden in zip(estimates, behind, strict=True) if hidden) <= OCCLUDED
     assert min(boxes.iou(one.box, box) for one in estimates[-20:]) > 0.5

@@ -1,0 +1,213 @@
+"""Tracks of the people beside a target, so that a distractor that occludes it is not taken for it.
+
+People in similar clothes still differ in position and size. Target and distractors are predicted, and a detection goes
+to the track with the least d^2 + ln |S|: d is the distance in standard deviations, and S the covariance, which grows
+while a track has no detection (association of the nearest neighbour: Blackman and Popoli 1999, "Design and analysis of
+modern tracking systems", section 6.4).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pftrack_sim.core import boxes
+from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.recognition.person import UNSURE, KnownPerson, PersonView, look_at_all
+from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
+from pftrack_sim.trackers.recognition.search import APART, LOOKS, Place, Reach, likeness_at, moved, person_at
+
+EVERY, ROW, STEP = 4, 1.6, 0.4
+"""Frames from one search for new people to the next, half the length of the row of points that it starts from, and the
+points' distance, in heights of the target."""
+SHIFT, GROWTH, WIDENING = 0.25, 0.12, 0.2
+"""Standard deviations of a prediction one frame ahead: of the position, in heights of the box, and of the logarithm of
+the height; and the share by which both grow with each frame without a detection."""
+UNLIKE = 0.1  # Standard deviation of one minus the product of the identities of two views of a person
+TARGET_GATE, GATE = 4.0, 16.0  # Greatest d^2 of a detection that continues the target's track, or a distractor's
+SAME, OTHER = 0.5, 0.3  # Overlap from which two boxes are of one person, and up to which they are of two
+LEAST_HEIGHT = 0.6  # Of a distractor, in heights of the target: a smaller one is behind the target
+MOST, MISSED = 3, 15  # Distractors that are tracked, and frames without a detection after which a track ends
+FAR = 2.5  # Distance from the target, in its heights, beyond which a track ends
+SMOOTHING = 0.5  # Weight of the former velocity
+OCCLUDED, DECAY_FRAMES = 0.4, 150
+"""Confidence of a target that a distractor has just occluded, and the frames in which it falls to 1/e."""
+CLOSER = 0.9  # Factor per frame of an occluded target's offset across its occluder: were it large, it would be seen
+LEARNT = 0.1  # Weight of a new view in a track's identity
+
+
+class _Detection(NamedTuple):
+    place: Place
+    identity: NDArray[np.float32]
+
+
+@dataclass
+class _Track:
+    place: Place  # The prediction, until the frame's update
+    identity: NDArray[np.float32]  # Unit vector
+    missed: float = 0
+    velocity: FloatArray = field(default_factory=lambda: np.zeros(2))  # Relative to the camera's motion [px per frame]
+    detection: _Detection | None = None
+
+    def cost(self, detection: _Detection) -> float:
+        """d^2 + ln |S|, up to a constant; position and height, three numbers, are what S grows in."""
+        return self.distance(detection) + 6.0 * math.log(1.0 + WIDENING * self.missed)
+
+    def distance(self, detection: _Detection) -> float:
+        """d^2 of position, height and identity."""
+        wider = 1.0 + WIDENING * self.missed
+        unlike = (1.0 - float(detection.identity @ self.identity)) / UNLIKE
+        return self.motion(detection) / (wider * wider) + unlike * unlike
+
+    def motion(self, detection: _Detection) -> float:
+        """d^2 of position and height alone, one frame after the last detection."""
+        growth = math.log(float(detection.place.size[1] / self.place.size[1])) / GROWTH
+        shift = math.dist(detection.place.centre, self.place.centre) / (SHIFT * float(self.place.size[1]))
+        return growth * growth + shift * shift
+
+    def occluded_by_it(self, target: Place) -> Place:
+        """The predicted target, with a likeness of 0, if it moves and grows as this track, its occluder."""
+        assert self.detection
+        growth = float(self.detection.place.size[1] / self.place.size[1])
+        offset = target.centre - (self.place.centre - self.velocity)
+        return Place(0.0, growth * target.size, self.detection.place.centre + growth * offset * (CLOSER, 1.0))
+
+
+class Distractors:
+    """Tracks of the people around a target. Each frame is a call of `associate` and one of `update`.
+
+    Args:
+        target: Whom they are not.
+
+    Attributes:
+        in_gate: Whether a person was detected in the target's box, within the gate of its prediction.
+    """
+
+    def __init__(self, target: KnownPerson) -> None:
+        self._target = target
+        self._tracks: list[_Track] = []
+        self._frame = 0
+        self.in_gate = True
+
+    def associate(
+        self, pyramid: ImagePyramid, shift: FloatArray, place: Place, view: PersonView, target: Reach
+    ) -> Place:
+        """Where the target is in the next image, by association of detections with its track and the distractors'.
+
+        Args:
+            pyramid: The image.
+            shift: `(2,)` motion of the image's content since the last image [px].
+            place: The target's box as estimated by the tracker.
+            view: What is seen in it.
+            target: The target's prediction, with the frames since its last detection.
+
+        Returns:
+            `place`; or another one where a distractor is in that box: its likeness is 0 if the target is occluded, and
+            assumed to move with its occluder.
+        """
+        self._pyramid = pyramid
+        for track in self._tracks:
+            track.place = track.place._replace(centre=track.place.centre + shift + track.velocity)
+            detection = self._detect(track.place, looks=1)
+            track.detection = detection if detection and track.distance(detection) < GATE else None
+        off = self._target.off(view)
+        in_box = _Detection(place if off is None else moved(place, off), view.identity)
+        expected = _Track(Place(0.0, target.size, target.centre), self._target.identity, target.missed)
+        self.in_gate = off is not None and expected.motion(in_box) < TARGET_GATE
+        occluder, detections = self._assigned(in_box, expected)
+        if occluder is None:
+            return place
+        alike = [
+            one.place._replace(likeness=likeness_at(self._target, pyramid, one.place.centre, one.place.size)[1])
+            for one in detections
+            if target.holds(one.place)
+        ]
+        best = max(alike, key=lambda one: one.likeness, default=None)
+        return best if best and best.likeness >= UNSURE else occluder.occluded_by_it(expected.place)
+
+    def are_at(self, place: Place) -> bool:
+        """Whether one of them was detected at a place."""
+        return any(one.detection and _overlap(one.detection.place, place, SAME) for one in self._tracks)
+
+    def update(self, target: Place, *, sure: bool) -> None:
+        """Update the tracks with their detections, and begin new ones beside a target that is surely at a place."""
+        kept: list[_Track] = []
+        for track in self._tracks:
+            track.missed = track.missed + 1 if track.detection is None else 0
+            if track.detection is not None:
+                track.velocity = track.velocity + (1.0 - SMOOTHING) * (
+                    track.detection.place.centre - track.place.centre
+                )
+                track.place = track.detection.place
+                mean = track.identity + np.float32(LEARNT) * (track.detection.identity - track.identity)
+                track.identity = np.asarray(mean / np.linalg.norm(mean), dtype=np.float32)
+            near = math.dist(track.place.centre, target.centre) < FAR * float(target.size[1])
+            if near and track.missed <= MISSED and not any(_overlap(track.place, one.place, SAME) for one in kept):
+                kept.append(track)
+        self._tracks = kept
+        self._frame += 1
+        if sure and self._frame % EVERY == 0:
+            for detection in self._beside(target):
+                others = [target, *(one.place for one in self._tracks)]
+                apart = not any(_overlap(detection.place, other, OTHER) for other in others)
+                if apart and len(self._tracks) < MOST and detection.place.size[1] > LEAST_HEIGHT * target.size[1]:
+                    self._tracks.append(_Track(*detection))
+
+    def _assigned(self, in_box: _Detection, target: _Track) -> tuple[_Track | None, list[_Detection]]:
+        """The distractor in the target's box, or None; and the detections that can be the target then."""
+        for track in self._tracks:
+            if track.detection is None:
+                continue
+            if not _overlap(track.detection.place, in_box.place, SAME):
+                if _swapped(target, in_box, track, track.detection):
+                    track.detection, in_box = in_box, track.detection
+                    return track, [in_box]
+            elif target.cost(in_box) <= track.cost(track.detection):
+                track.detection = None  # occluded by the target
+            else:
+                others = self._beside(target.place)
+                for other in others:
+                    if _swapped(target, other, track, in_box):
+                        track.detection = other
+                        return None, []
+                return track, others
+        return None, []
+
+    def _beside(self, target: Place) -> list[_Detection]:
+        """Detections from a row of points through a place that belong to none of the tracks."""
+        height = float(target.size[1])
+        right = np.arange(-ROW, ROW + 1e-6, STEP) * height
+        points = target.centre + np.stack([right, np.zeros_like(right)], axis=1)
+        near: list[Place] = []
+        for point, view in zip(points, look_at_all(self._pyramid, points, height), strict=True):
+            if (off := self._target.off(view)) is not None:
+                near.append(moved(Place(view.person * view.visible, target.size, point), off))
+        found: list[_Detection] = []
+        for one in sorted(near, key=lambda one: -one.likeness):
+            if all(math.dist(one.centre, other.place.centre) > APART * float(one.size[1]) for other in found):
+                detection = self._detect(one)
+                if detection and not self.are_at(detection.place):
+                    found.append(detection)
+        return found
+
+    def _detect(self, place: Place, looks: int = LOOKS) -> _Detection | None:
+        seen = person_at(self._target, self._pyramid, place, looks)
+        return None if seen is None else _Detection(seen[0], seen[1].identity)
+
+
+def occluded_confidence(frames: int) -> float:
+    """Confidence of a target that a distractor has occluded for so many frames."""
+    return OCCLUDED * math.exp(-frames / DECAY_FRAMES)
+
+
+def _swapped(one: _Track, detection: _Detection, other: _Track, other_detection: _Detection) -> bool:
+    """Whether two tracks fit each other's detections better than their own."""
+    return one.cost(other_detection) + other.cost(detection) < one.cost(detection) + other.cost(other_detection)
+
+
+def _overlap(one: Place, other: Place, least: float) -> bool:
+    return boxes.iou(one.box, other.box) >= least
