@@ -86,6 +86,26 @@ def test_only_a_person_where_the_target_is_predicted_is_in_its_gate(
     assert not distractors.in_gate
 
 
+def test_who_is_hidden_behind_the_target_is_not_looked_for(
+    seen: tuple[Frame, np.ndarray, Distractors], monkeypatch: pytest.MonkeyPatch
+):
+    """A detection there would be the target, and the distractor's track would take it."""
+    frame, other, _ = seen
+    tracks, pyramid, target = tracked(frame), ImagePyramid(frame.image), place(frame.truth.amodal_box)
+    assert other[3] < 0.8 * target.size[1]
+    looked: list[Place] = []
+
+    def look_for(known: KnownPerson, image: ImagePyramid, at: Place, looks: int = 2) -> None:
+        looked.append(at)
+
+    monkeypatch.setattr("pftrack_sim.trackers.recognition.distractors.person_at", look_for)
+    view, reach = look(pyramid, target.centre, target.size), Reach(target.centre, target.size, 0)
+    tracks.associate(pyramid, target.centre - boxes.centre(other), target, view, reach)
+    assert not looked
+    tracks.associate(pyramid, boxes.centre(other) - target.centre, target, view, reach)
+    assert [boxes.iou(one.box, other) > 0.7 for one in looked] == [True], "beside the target again"
+
+
 def test_nobody_is_tracked_while_the_target_is_not_sure(seen: tuple[Frame, np.ndarray, Distractors]):
     frame, other, _ = seen
     assert not tracked(frame, sure=False).are_at(place(other))
@@ -112,16 +132,30 @@ def twin_walks_by(frame: Frame) -> tuple[list[np.ndarray], np.ndarray]:
     return images, np.array(places, dtype=np.float64)
 
 
-@pytest.mark.parametrize(
-    ("name", "given"), [("pftrack", {}), ("ko2012", {"recognition": "search"}), ("ncc", {"recognition": "search"})]
-)
-@pytest.mark.parametrize("seed", [3, 5])
-def test_a_twin_who_walks_by_in_front_is_not_taken_for_the_target(name: str, given: dict[str, str], seed: int):
+def first_in_full_view(seed: int) -> Frame:
     simulation = Simulation(load("follow/plaza", SIZE))
     frame = simulation.reset(seed)
     while frame.truth.visible_fraction < 0.97 or not 90 < frame.truth.amodal_box[3] < 150:
         frame = simulation.advance()
     simulation.close()
+    return frame
+
+
+def test_whoever_walks_into_shade_is_followed_without_a_break_and_learnt():
+    frame = first_in_full_view(3)
+    shade = (frame.image * np.array([0.5, 0.4, 0.3])).astype(np.uint8)
+    estimates = follow("pftrack", [frame.image] * 12 + [shade] * 60, frame.truth.amodal_box)
+    assert min(one.confidence for one in estimates) > 0.6
+    assert estimates[-1].confidence > 0.95
+    assert boxes.iou(estimates[-1].box, frame.truth.amodal_box) > 0.8
+
+
+@pytest.mark.parametrize(
+    ("name", "given"), [("pftrack", {}), ("ko2012", {"recognition": "search"}), ("ncc", {"recognition": "search"})]
+)
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_twin_who_walks_by_in_front_is_not_taken_for_the_target(name: str, given: dict[str, str], seed: int):
+    frame = first_in_full_view(seed)
     box = frame.truth.amodal_box
     images, twin = twin_walks_by(frame)
     estimates = follow(name, images, box, **given)

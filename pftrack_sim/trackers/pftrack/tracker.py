@@ -41,7 +41,8 @@ from pftrack_sim.trackers.recognition.search import (
 )
 
 MIN_SIZE_PX = 4.0
-CONTINUOUS = 0.5  # Least confidence of a person who has been in the gate of their prediction since they were sure
+CONTINUOUS = 0.9
+"""Least likeness of a person who has been in full view, and in the gate of their prediction, since they were sure."""
 SLOW, FORGETTING = 0.05, 0.1
 """Weight of a new frame that is sure in the running means of the responses, and the share of it that others have."""
 APART = 0.15
@@ -204,6 +205,10 @@ class Pftrack(BaseTracker):
                     carried, self._velocity = assigned.centre, np.zeros(2)
                     self._set_scale(float(assigned.size[1] / self._size[1]), image)
                     self._sure_scale = self._scale
+            in_view = not on_distractor and self._distractors.in_gate and not person.is_covered(place.looks)
+            self._continuous = self._continuous and in_view
+            if self._continuous:
+                place = place._replace(likeness=max(place.likeness, CONTINUOUS))
         self._doubt.see(place.likeness)
         seen = not on_distractor and person is not None and not person.is_covered(place.looks)
         attempt = self._doubt.search(max(p.search_after, PERSON_AFTER) if seen else p.search_after)
@@ -237,16 +242,14 @@ class Pftrack(BaseTracker):
                 self._sure_scale = self._scale
         size = self._scale * self._size
         if self._distractors:
-            in_view = person is not None and not hold and not person.is_covered(place.looks)
-            goes_on = self._continuous and in_view and self._distractors.in_gate and other is None
-            self._continuous = likeness >= p.sure_likeness or goes_on
+            self._continuous = likeness >= p.sure_likeness or (self._continuous and other is None)
             sure = likeness >= p.sure_likeness and not self._doubt
             self._distractors.update(Place(likeness, size, self._centre), sure=sure)
         box = np.concatenate([self._centre - 0.5 * size, size])
         if on_distractor:
             return Estimate(box, occluded_confidence(self._missed))
         hidden = occluded and (hold or person is None or person.is_covered(place.looks))
-        return Estimate(box, max(ramp(likeness, UNLIKE, 1.0), CONTINUOUS if self._continuous else 0.0), hidden)
+        return Estimate(box, ramp(likeness, UNLIKE, 1.0), hidden)
 
     def _camera_shift(self, image: Image) -> FloatArray:
         return self._camera.shift(image) if self.params.camera_motion else np.zeros(2)

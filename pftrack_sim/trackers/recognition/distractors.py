@@ -30,6 +30,9 @@ the height; and the share by which both grow with each frame without a detection
 UNLIKE = 0.1  # Standard deviation of one minus the product of the identities of two views of a person
 TARGET_GATE, GATE = 4.0, 16.0  # Greatest d^2 of a detection that continues the target's track, or a distractor's
 SAME, OTHER = 0.5, 0.3  # Overlap from which two boxes are of one person, and up to which they are of two
+BEHIND, HIDDEN = 0.85, 0.5
+"""A distractor below this height, in heights of the target, is behind it: more than this share of the box inside the
+target's, it is hidden, and a detection there is the target."""
 LEAST_HEIGHT = 0.6  # Of a distractor, in heights of the target: a smaller one is behind the target
 MOST, MISSED = 3, 15  # Distractors that are tracked, and frames without a detection after which a track ends
 FAR = 2.5  # Distance from the target, in its heights, beyond which a track ends
@@ -110,13 +113,13 @@ class Distractors:
             assumed to move with its occluder.
         """
         self._pyramid = pyramid
+        expected = _Track(Place(0.0, target.size, target.centre), self._target.identity, target.missed)
         for track in self._tracks:
             track.place = track.place._replace(centre=track.place.centre + shift + track.velocity)
-            detection = self._detect(track.place, looks=1)
+            detection = None if _hidden(track.place, expected.place) else self._detect(track.place, looks=1)
             track.detection = detection if detection and track.distance(detection) < GATE else None
         off = self._target.off(view)
         in_box = _Detection(place if off is None else moved(place, off), view.identity)
-        expected = _Track(Place(0.0, target.size, target.centre), self._target.identity, target.missed)
         self.in_gate = off is not None and expected.motion(in_box) < TARGET_GATE
         occluder, detections = self._assigned(in_box, expected)
         if occluder is None:
@@ -207,6 +210,13 @@ def occluded_confidence(frames: int) -> float:
 def _swapped(one: _Track, detection: _Detection, other: _Track, other_detection: _Detection) -> bool:
     """Whether two tracks fit each other's detections better than their own."""
     return one.cost(other_detection) + other.cost(detection) < one.cost(detection) + other.cost(other_detection)
+
+
+def _hidden(one: Place, target: Place) -> bool:
+    """Whether a person is behind the target and mostly hidden by it."""
+    areas = boxes.area(one.box), boxes.area(target.box)
+    overlap = boxes.iou(one.box, target.box)
+    return one.size[1] < BEHIND * target.size[1] and overlap / (1.0 + overlap) * sum(areas) > HIDDEN * areas[0]
 
 
 def _overlap(one: Place, other: Place, least: float) -> bool:
