@@ -2,10 +2,11 @@
 
     pftrack-sim bench corridor --trackers ko2012,opencv-mil,stay --axis jitter=0,1,2 --seeds 0:5 --out runs/open
     pftrack-sim follow corridor --trackers ko2012,opencv-mil,stay --axis jitter=0,1,2 --seeds 0:5 --out runs/closed
-    python examples/overlap_and_following.py runs/open runs/closed --out scatter.png
+    python examples/overlap_and_following.py runs/open runs/closed --out scatter.png --predictors
 
 A point is a tracker, with its controller and latency, under a condition: its mean overlap on a robot that follows the
-script, and how often the robot that it drives is successful, over the scenarios and seeds of both runs.
+script, and how often the robot that it drives is successful, over the scenarios and seeds of both runs. `--predictors`
+compares the overlap with other measures of the open loop.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from __future__ import annotations
 import argparse
 import itertools
 import sys
+import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,11 +26,35 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from pftrack_sim import score
+from pftrack_sim.benchmark import RunStore
 
 JOINED = """
-    SELECT closed.label, condition, scenario, seed, opened.mean_overlap, closed.{measure}
+    SELECT closed.label, condition, scenario, seed, opened.{predictor}, closed.{measure}
     FROM read_parquet($opened) AS opened
     JOIN read_parquet($closed) AS closed USING (tracker, preset, params, condition, scenario, seed) ORDER BY ALL
+"""
+
+OVERLAP = "mean_overlap"
+PREDICTORS = {
+    OVERLAP: "mean overlap",
+    "first_loss_s": "time to the first loss (overlap below 0.1 for 0.5 s); the episode's length without one",
+    "not_lost": "share of frames with an overlap of 0.1 or more",
+    "confidence_auc": "area under the ROC curve of confidence against an overlap of 0.3; none where it is never below",
+}
+"""Measures of an open-loop episode, and what each is."""
+
+FROM_FRAMES = """
+    WITH ranked AS (
+        SELECT *, overlap >= 0.3 AS good, rank() OVER by_sure
+            + (count(*) OVER (PARTITION BY scenario, condition, seed, label, sure) - 1) / 2 AS place
+        FROM (SELECT *, if(estimate_occluded, 0, confidence) AS sure FROM frames WHERE scored AND status = 'ok')
+        WINDOW by_sure AS (PARTITION BY scenario, condition, seed, label ORDER BY sure)),
+    first AS (SELECT scenario, condition, seed, label, min(time_s) AS loss_s FROM losses GROUP BY ALL)
+    SELECT tracker, preset, params, condition, scenario, seed, avg(overlap) AS mean_overlap,
+        coalesce(any_value(loss_s), max(time_s)) AS first_loss_s, avg((overlap >= 0.1)::INT) AS not_lost,
+        (sum(place) FILTER (good) - count(*) FILTER (good) * (count(*) FILTER (good) + 1) / 2)
+            / (count(*) FILTER (good) * nullif(count(*) FILTER (NOT good), 0)) AS confidence_auc
+    FROM ranked LEFT JOIN first USING (scenario, condition, seed, label) GROUP BY ALL
 """
 
 
@@ -40,7 +67,7 @@ class Pairs:
 
     Attributes:
         points: N pairs of tracker and condition.
-        overlap: `(N, S)` open-loop overlap on S episodes.
+        overlap: `(N, S)` open-loop overlap, or another predictor, on S episodes.
         following: `(N, S)` how the same episodes went when the tracker drove.
     """
 
@@ -49,14 +76,18 @@ class Pairs:
     following: NDArray[np.float64]
 
 
-def read(opened: Path, closed: Path, measure: str) -> Pairs:
-    """Scores of the episodes that both runs have for every tracker and condition."""
-    files = {"opened": str(opened / "summary.parquet"), "closed": str(closed / "summary.parquet")}
-    measures = [str(row[0]) for row in duckdb.execute(COLUMNS, {"closed": files["closed"]}).fetchall()]
+def read(opened: Path, closed: Path, measure: str, predictor: str = OVERLAP, table: str = "") -> Pairs:
+    """Scores of the episodes that both runs have for every tracker and condition.
+
+    The predictor is read from a Parquet file `table`; without one from the summary of the open run.
+    """
+    files = {"closed": str(closed / "summary.parquet")}
+    measures = [str(row[0]) for row in duckdb.execute(COLUMNS, files).fetchall()]
     if measure not in measures:
         following = ", ".join(one for one in measures if one.startswith("follow_"))
         sys.exit(f"{closed} has no measure {measure!r}; of following it has {following}")
-    rows = duckdb.execute(JOINED.format(measure=measure), files).fetchall()
+    files["opened"] = table or str(opened / "summary.parquet")
+    rows = duckdb.execute(JOINED.format(measure=measure, predictor=predictor), files).fetchall()
     points = sorted({row[:2] for row in rows})
     counts = dict.fromkeys((row[2:4] for row in rows), 0)
     for row in rows:
@@ -85,6 +116,16 @@ def correlation(pairs: Pairs) -> str:
         low, high = np.nanquantile(drawn, (0.025, 0.975))
         said += f" ({low:.3f} to {high:.3f})"
     return f"{said}: {len(pairs.points)} points, {count} episodes each"
+
+
+def predictors(opened: Path, closed: Path, measure: str) -> Iterator[str]:
+    """A row for each of `PREDICTORS`, with its correlation."""
+    with tempfile.TemporaryDirectory() as folder:
+        table = str(Path(folder) / "open.parquet")
+        with RunStore(opened).database() as database:
+            database.execute(f"COPY ({FROM_FRAMES}) TO '{table}' (FORMAT parquet)")
+        for name, meaning in PREDICTORS.items():
+            yield f"{name:16} {correlation(read(opened, closed, measure, name, table))}; {meaning}"
 
 
 def interval(shares: NDArray[np.float64]) -> tuple[float, float]:
@@ -124,6 +165,7 @@ def main() -> None:
     parser.add_argument("opened", type=Path, help="folder of a run of `pftrack-sim bench`")
     parser.add_argument("closed", type=Path, help="folder of a run of `pftrack-sim follow`")
     parser.add_argument("--measure", default="follow_success", help="a share in the closed run's summary")
+    parser.add_argument("--predictors", action="store_true", help="compare the overlap with other open-loop measures")
     parser.add_argument("--out", type=Path, default=Path("scatter.png"))
     given = parser.parse_args()
     pairs = read(given.opened, given.closed, given.measure)
@@ -132,6 +174,8 @@ def main() -> None:
         print(f"{tracker:24} {condition:32} {np.nanmean(overlap):.3f}  {np.nanmean(following):.3f}")
     print(said)
     draw(pairs, said, given.measure, given.out)
+    if given.predictors:
+        print(*predictors(given.opened, given.closed, given.measure), sep="\n")
 
 
 if __name__ == "__main__":

@@ -81,7 +81,13 @@ def test_runs_of_bench_and_follow_fit_together(tmp_path: Path):
         done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
         assert done.returncode == 0, done.stdout + done.stderr
     done = compared(
-        tmp_path / "bench", tmp_path / "follow", "--measure", "follow_within", "--out", tmp_path / "scatter.png"
+        tmp_path / "bench",
+        tmp_path / "follow",
+        *("--measure", "follow_within", "--predictors", "--out", tmp_path / "scatter.png"),
     )
     assert done.returncode == 0, done.stderr
     assert "6 points, 2 episodes each" in done.stdout
+    (said,) = [line for line in done.stdout.splitlines() if line.startswith("Spearman")]
+    rows = [line for line in done.stdout.splitlines() if "; " in line]
+    assert [row.split()[0] for row in rows] == ["mean_overlap", "first_loss_s", "not_lost", "confidence_auc"]
+    assert said in rows[0], "the overlap by its frames is that of the summary"
