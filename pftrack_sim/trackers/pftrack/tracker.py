@@ -135,6 +135,22 @@ class Seen(NamedTuple):
     likeness: float
 
 
+class Step(NamedTuple):
+    """Where the target is taken to be in a frame.
+
+    Attributes:
+        seen: The best match, or a place found elsewhere.
+        carried: `(2,)` where the last estimate is by now if it is not followed [px].
+        behind: Whether a distractor is in the box, and the target behind it.
+        elsewhere: Whether the target was found in another place.
+    """
+
+    seen: Seen
+    carried: FloatArray
+    behind: bool = False
+    elsewhere: bool = False
+
+
 class Pftrack(BaseTracker):
     """Correlation filter with colour, scale and camera motion that knows people by a network, and all by their colours.
 
@@ -186,70 +202,92 @@ class Pftrack(BaseTracker):
         self._frame += 1
         pyramid = ImagePyramid(image)
         shift = self._camera_shift(image)
-        carried = self._centre + shift
-        place = self._place(pyramid, self._search(pyramid, image, shift))
-        usual = self._usual if self._usual is not None else np.array([place.match.score, place.match.peak])
-        person = self._looks if isinstance(self._looks, KnownPerson) else None
-        on_distractor = False
-        other: Seen | None = None
-        if person is not None and self._distractors:
-            at = Place(place.likeness, place.match.scale * self._size, place.match.centre)
-            ahead = Reach(carried + p.momentum * self._velocity, self._scale * self._size, self._missed)
-            assigned = self._distractors.associate(pyramid, shift, at, place.looks, ahead)
-            on_distractor = assigned is not at
-            if on_distractor:
-                place = place._replace(likeness=0.0)
-                if assigned.likeness > 0.0:
-                    other = self._seen_at(pyramid, image, assigned)
-                else:
-                    carried, self._velocity = assigned.centre, np.zeros(2)
-                    self._set_scale(float(assigned.size[1] / self._size[1]), image)
-                    self._sure_scale = self._scale
-            in_view = not on_distractor and self._distractors.in_gate and not person.is_covered(place.looks)
-            self._continuous = self._continuous and in_view
-            if self._continuous:
-                place = place._replace(likeness=max(place.likeness, CONTINUOUS))
-        self._doubt.see(place.likeness)
-        seen = not on_distractor and person is not None and not person.is_covered(place.looks)
-        attempt = self._doubt.search(max(p.search_after, PERSON_AFTER) if seen else p.search_after)
-        if other is None and p.search_after and attempt is not None:
-            other = self._find(pyramid, image, usual, place, attempt)
-        if other:
-            on_distractor, place, carried, self._velocity = False, other, other.match.centre, np.zeros(2)
-            self._scale = place.match.scale
-            self._doubt.begin_again()
-        found = place.match
+        seen = self._place(pyramid, self._search(pyramid, image, shift))
+        if self._usual is None:
+            self._usual = np.array([seen.match.score, seen.match.peak])
+        step = self._associate(pyramid, image, shift, seen)
+        if not step.elsewhere:
+            step = self._recover(pyramid, image, step)
+        seen, found, person = step.seen, step.seen.match, self._person
+        covered = person is None or person.is_covered(seen.looks)
         close = self._scale * float(self._size[1]) > CLOSE_UP * image.shape[0]
-        likeness = person.follow(place.looks, place.likeness, close_up=close) if person else place.likeness
+        likeness = person.follow(seen.looks, seen.likeness, close_up=close) if person else seen.likeness
         occluded = likeness < p.unsure_likeness
         self._missed = self._missed + 1 if occluded else 0
-        hold = on_distractor or (occluded and found.score < p.occlusion_hold * usual[0])
-        self._centre = _inside(carried, image) if hold else found.centre
-        peak = min(max(found.peak / max(float(usual[1]), 1e-6), 0.0), 1.0)
+        hold = step.behind or (occluded and found.score < p.occlusion_hold * self._usual[0])
+        self._centre = _inside(step.carried, image) if hold else found.centre
+        peak = min(max(found.peak / max(float(self._usual[1]), 1e-6), 0.0), 1.0)
         if not hold and p.scale_count > 1 and self._frame % p.scale_interval == 0:
             self._rescale(pyramid, image, peak)
         # No distractor is in the box: a person in it who is unlike the target may be the target, turned or in shade.
-        if person is not None and not on_distractor and (not occluded or not person.is_covered(place.looks)):
-            self._settle(person.correction(place.looks), image)
+        if person is not None and not step.behind and not (occluded and covered):
+            self._settle(person.correction(seen.looks), image)
         if not occluded:
-            trust = ramp(likeness, p.unsure_likeness, p.sure_likeness)
-            self._velocity = 0.5 * (self._velocity + found.centre - carried)
-            self._usual = usual + SLOW * max(trust, FORGETTING) * (np.array([found.score, found.peak]) - usual)
-            if trust > 0.0:
-                self._learn(pyramid, peak * trust)
-                if person is None or not self._doubt or likeness > place.likeness:
-                    self._looks.learn(place.looks, trust)
-                self._sure_scale = self._scale
+            self._believe(pyramid, step, likeness, peak)
         size = self._scale * self._size
         if self._distractors:
-            self._continuous = likeness >= p.sure_likeness or (self._continuous and other is None)
+            self._continuous = likeness >= p.sure_likeness or (self._continuous and not step.elsewhere)
             sure = likeness >= p.sure_likeness and not self._doubt
             self._distractors.update(Place(likeness, size, self._centre), sure=sure)
         box = np.concatenate([self._centre - 0.5 * size, size])
-        if on_distractor:
+        if step.behind:
             return Estimate(box, occluded_confidence(self._missed))
-        hidden = occluded and (hold or person is None or person.is_covered(place.looks))
-        return Estimate(box, ramp(likeness, UNLIKE, 1.0), hidden)
+        return Estimate(box, ramp(likeness, UNLIKE, 1.0), occluded and (hold or covered))
+
+    @property
+    def _person(self) -> KnownPerson | None:
+        """The target, if it is a person."""
+        return self._looks if isinstance(self._looks, KnownPerson) else None
+
+    def _associate(self, pyramid: ImagePyramid, image: Image, shift: FloatArray, seen: Seen) -> Step:
+        """The target's place by association with its own track and the distractors'."""
+        carried, person = self._centre + shift, self._person
+        if person is None or self._distractors is None:
+            return Step(seen, carried)
+        at = Place(seen.likeness, seen.match.scale * self._size, seen.match.centre)
+        ahead = Reach(carried + self.params.momentum * self._velocity, self._scale * self._size, self._missed)
+        assigned = self._distractors.associate(pyramid, shift, at, seen.looks, ahead)
+        in_view = assigned is at and self._distractors.in_gate and not person.is_covered(seen.looks)
+        self._continuous = self._continuous and in_view
+        if assigned is at:
+            least = CONTINUOUS if self._continuous else 0.0
+            return Step(seen._replace(likeness=max(seen.likeness, least)), carried)
+        if assigned.likeness > 0.0:
+            return self._begin_at(self._seen_at(pyramid, image, assigned))
+        self._velocity = np.zeros(2)
+        self._set_scale(float(assigned.size[1] / self._size[1]), image)
+        self._sure_scale = self._scale
+        return Step(seen._replace(likeness=0.0), assigned.centre, behind=True)
+
+    def _recover(self, pyramid: ImagePyramid, image: Image, step: Step) -> Step:
+        """The same step, or another place in the image, where a search is due and finds one."""
+        p, person = self.params, self._person
+        self._doubt.see(step.seen.likeness)
+        in_view = person is not None and not step.behind and not person.is_covered(step.seen.looks)
+        attempt = self._doubt.search(max(p.search_after, PERSON_AFTER) if in_view else p.search_after)
+        if not p.search_after or attempt is None:
+            return step
+        other = self._find(pyramid, image, step.seen, attempt)
+        return self._begin_at(other) if other else step
+
+    def _begin_at(self, seen: Seen) -> Step:
+        """The target was found at another place."""
+        self._scale, self._velocity = seen.match.scale, np.zeros(2)
+        self._doubt.begin_again()
+        return Step(seen, seen.match.centre, elsewhere=True)
+
+    def _believe(self, pyramid: ImagePyramid, step: Step, likeness: float, peak: float) -> None:
+        """Take the target's motion and responses from a step, and learn how it looks as far as it is sure."""
+        p, seen, found = self.params, step.seen, step.seen.match
+        assert self._usual is not None
+        trust = ramp(likeness, p.unsure_likeness, p.sure_likeness)
+        self._velocity = 0.5 * (self._velocity + found.centre - step.carried)
+        self._usual = self._usual + SLOW * max(trust, FORGETTING) * (np.array([found.score, found.peak]) - self._usual)
+        if trust > 0.0:
+            self._learn(pyramid, peak * trust)
+            if self._person is None or not self._doubt or likeness > seen.likeness:
+                self._looks.learn(seen.looks, trust)
+            self._sure_scale = self._scale
 
     def _camera_shift(self, image: Image) -> FloatArray:
         return self._camera.shift(image) if self.params.camera_motion else np.zeros(2)
@@ -299,14 +337,15 @@ class Pftrack(BaseTracker):
         looks, likeness = likeness_at(self._looks, pyramid, at.centre, at.size)
         return Seen(match._replace(centre=at.centre), looks, likeness)
 
-    def _find(self, pyramid: ImagePyramid, image: Image, usual: FloatArray, now: Seen, attempt: int) -> Seen | None:
+    def _find(self, pyramid: ImagePyramid, image: Image, now: Seen, attempt: int) -> Seen | None:
         """The best place in the whole image where the target may be; None where no other is as sure as asked for.
 
         Places are proposed by colour at several sizes, ordered by their looks, and compared by the filter.
         """
         p = self.params
+        assert self._usual is not None
         # People walk; where other targets can be is not known.
-        missed = self._missed if isinstance(self._looks, KnownPerson) else math.inf
+        missed = self._missed if self._person else math.inf
         reach = Reach(self._centre, self._sure_scale * self._size, missed)
         proposed = search(image, pyramid, self._looks, self._colour, reach, attempt)
         least = max(p.found_likeness, 0.0 if now.likeness < p.unsure_likeness else now.likeness + p.found_gain)
@@ -316,7 +355,7 @@ class Pftrack(BaseTracker):
             place = self._place(pyramid, self._match(pyramid, image, one.centre, scale))
             if self._distractors and self._distractors.are_at(Place(0.0, scale * self._size, place.match.centre)):
                 continue
-            sure = place.likeness >= least and place.match.peak >= p.found_peak * usual[1]
+            sure = place.likeness >= least and place.match.peak >= p.found_peak * self._usual[1]
             if sure and (best is None or place.match.score > best.match.score):
                 best = place
         return best
