@@ -28,8 +28,10 @@ PART = 0.4  # Least visible share of a person whose place and size are measured
 FILLS = (0.2, 0.35)
 """A person whose first box is off by more, in shift and growth, is not what was selected."""
 WIDEST = 0.55  # Width over height of a first box: a wider one holds something else, or only a face
-SLACK = (0.04, 0.1)
-"""Views of people vary by so much in shift and growth: nothing is corrected up to there."""
+FITS = (0.04, 0.1)
+"""A first box that is off by less, in shift and growth, fits: a single view says no more of how it was drawn."""
+SLACK = (0.04, 0.05)
+"""Nothing is corrected up to this shift and growth, by which views of a person vary."""
 
 FIRST_LIKENESS = 0.85  # Usual likeness before any was seen
 RATE = 0.01  # Least weight of a new frame
@@ -101,7 +103,7 @@ class KnownPerson:
 
     def __init__(self, first: PersonView) -> None:
         assert first.parts is not None
-        self._first = first
+        self._first, self._offset = first, _beyond(FITS, first.shift, first.growth)
         self._mean, self._parts = first.identity.copy(), PartColours(first.parts)
         self._usual, self._count = FIRST_LIKENESS, 1
         self._recent, self._carried = first.identity.copy(), SURE
@@ -170,20 +172,25 @@ class KnownPerson:
     def correction(self, found: PersonView) -> tuple[FloatArray, float] | None:
         """By how much the person is off the box, `(2,)` in its heights, and the logarithm of the person's growth in it.
 
-        Both are against the first box, which may hold a person otherwise than those of the training; None where too
-        little of a person is seen.
+        Both are against the first box where it does not fit as those of the training do (`FITS`); None where too little
+        of a person is seen.
         """
         off = self.off(found)
         if off is None:
             return None
-        (shift, growth), (most, grown) = off, SLACK
-        return shift - np.clip(shift, -most, most), growth - min(max(growth, -grown), grown)
+        return _beyond(SLACK, *off)
 
     def off(self, found: PersonView) -> tuple[FloatArray, float] | None:
         """The same without the slack that views have."""
         if found.person < IS_PERSON or found.visible < PART:
             return None
-        return found.shift - self._first.shift, found.growth - self._first.growth
+        shift, growth = self._offset
+        return found.shift - shift, found.growth - growth
+
+
+def _beyond(slack: tuple[float, float], shift: FloatArray, growth: float) -> tuple[FloatArray, float]:
+    most, grown = slack
+    return shift - np.clip(shift, -most, most), growth - min(max(growth, -grown), grown)
 
 
 def _described(pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> PersonView:
