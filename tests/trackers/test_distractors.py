@@ -86,6 +86,21 @@ def test_only_a_person_where_the_target_is_predicted_is_in_its_gate(
     assert not distractors.in_gate
 
 
+def test_an_occluded_target_keeps_its_size_whatever_its_occluders(seen: tuple[Frame, np.ndarray, Distractors]):
+    """The robot that approaches both comes nearer to the occluder."""
+    frame, other, _ = seen
+    distractors, occluder, image = tracked(frame), place(other), frame.image.copy()
+    x, y, width, height = frame.truth.amodal_box.round().astype(int)
+    image[y : y + height, x : x + width] = image.mean(axis=(0, 1))
+    pyramid = ImagePyramid(image)
+    view = look(pyramid, occluder.centre, occluder.size)
+    target = Reach(occluder.centre + 0.3 * occluder.size[1], 0.8 * occluder.size, 0)
+    behind = distractors.associate(pyramid, STILL, occluder, view, target)
+    assert behind.likeness == 0.0
+    assert np.array_equal(behind.size, target.size)
+    assert behind.centre[1] == target.centre[1]
+
+
 def test_who_is_hidden_behind_the_target_is_not_looked_for(
     seen: tuple[Frame, np.ndarray, Distractors], monkeypatch: pytest.MonkeyPatch
 ):

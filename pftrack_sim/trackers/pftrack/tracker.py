@@ -254,9 +254,7 @@ class Pftrack(BaseTracker):
             return Step(seen._replace(likeness=max(seen.likeness, least)), carried)
         if assigned.likeness > 0.0:
             return self._begin_at(self._seen_at(pyramid, image, assigned))
-        self._velocity = np.zeros(2)
-        self._set_scale(float(assigned.size[1] / self._size[1]), image)
-        self._sure_scale = self._scale
+        self._velocity, self._sure_scale = np.zeros(2), self._scale
         return Step(seen._replace(likeness=0.0), assigned.centre, behind=True)
 
     def _recover(self, pyramid: ImagePyramid, image: Image, step: Step) -> Step:

@@ -73,11 +73,14 @@ class _Track:
         return growth * growth + shift * shift
 
     def occluded_by_it(self, target: Place) -> Place:
-        """The predicted target, with a likeness of 0, if it moves and grows as this track, its occluder."""
+        """The predicted target, with a likeness of 0, if it stays behind this track, its occluder.
+
+        Its height and size stay: a robot that approaches comes nearer to the occluder than to the target.
+        """
         assert self.detection
-        growth = float(self.detection.place.size[1] / self.place.size[1])
-        offset = target.centre - (self.place.centre - self.velocity)
-        return Place(0.0, growth * target.size, self.detection.place.centre + growth * offset * (CLOSER, 1.0))
+        offset = float(target.centre[0] - (self.place.centre[0] - self.velocity[0]))
+        centre = np.array([self.detection.place.centre[0] + CLOSER * offset, target.centre[1]])
+        return Place(0.0, target.size, centre)
 
 
 class Distractors:
