@@ -140,8 +140,8 @@ class Step(NamedTuple):
 
     Attributes:
         seen: The best match, or a place found elsewhere.
-        carried: `(2,)` where the last estimate is by now if it is not followed [px].
-        behind: Whether a distractor is in the box, and the target behind it.
+        carried: `(2,)` predicted centre [px]: the last one moved by the camera's motion, or behind its occluder.
+        behind: Whether a distractor occludes the target.
         elsewhere: Whether the target was found in another place.
     """
 
@@ -223,7 +223,7 @@ class Pftrack(BaseTracker):
         if person is not None and not step.behind and not (occluded and covered):
             self._settle(person.correction(seen.looks), image)
         if not occluded:
-            self._believe(pyramid, step, likeness, peak)
+            self._adapt(pyramid, step, likeness, peak)
         size = self._scale * self._size
         if self._distractors:
             self._continuous = likeness >= p.sure_likeness or (self._continuous and not step.elsewhere)
@@ -274,8 +274,8 @@ class Pftrack(BaseTracker):
         self._doubt.begin_again()
         return Step(seen, seen.match.centre, elsewhere=True)
 
-    def _believe(self, pyramid: ImagePyramid, step: Step, likeness: float, peak: float) -> None:
-        """Take the target's motion and responses from a step, and learn how it looks as far as it is sure."""
+    def _adapt(self, pyramid: ImagePyramid, step: Step, likeness: float, peak: float) -> None:
+        """Update velocity and usual responses, and learn the appearance as far as it is sure."""
         p, seen, found = self.params, step.seen, step.seen.match
         assert self._usual is not None
         trust = ramp(likeness, p.unsure_likeness, p.sure_likeness)

@@ -113,7 +113,7 @@ class Distractors:
 
         Returns:
             `place`; or another one where a distractor is in that box: its likeness is 0 if the target is occluded, and
-            assumed to move with its occluder.
+            assumed to stay behind its occluder.
         """
         self._pyramid = pyramid
         expected = _Track(Place(0.0, target.size, target.centre), self._target.identity, target.missed)
