@@ -168,6 +168,9 @@ def main() -> None:
     parser.add_argument("--predictors", action="store_true", help="compare the overlap with other open-loop measures")
     parser.add_argument("--out", type=Path, default=Path("scatter.png"))
     given = parser.parse_args()
+    for folder in (given.opened, given.closed):
+        if not (folder / "summary.parquet").is_file():
+            parser.error(f"{folder} is no finished run: it has no summary.parquet")
     pairs = read(given.opened, given.closed, given.measure)
     said = correlation(pairs)
     for (tracker, condition), overlap, following in zip(pairs.points, pairs.overlap, pairs.following, strict=True):

@@ -70,6 +70,13 @@ def test_runs_without_common_trackers_are_errors(tmp_path: Path):
     assert not (tmp_path / "scatter.png").exists()
 
 
+def test_a_folder_that_is_no_finished_run_is_an_error(tmp_path: Path):
+    opened = written(tmp_path / "open", "mean_overlap", [("a", 0, 0.5)])
+    done = compared(opened, tmp_path / "nowhere")
+    assert done.returncode == 2
+    assert done.stderr.endswith(f"{tmp_path / 'nowhere'} is no finished run: it has no summary.parquet\n")
+
+
 @pytest.mark.slow
 def test_runs_of_bench_and_follow_fit_together(tmp_path: Path):
     short = ["duration_s=0.3", "camera.width_px=64", "camera.height_px=48", "lights.shadows=false"]
