@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,17 @@ BEYOND_M = 0.4  # A place was free if the beams on both its sides went on for so
 SCAN_S, KEPT_S = 0.25, 3.0
 """Time from one kept scan to the next, and how long they are kept: who stands for longer is an obstacle like others."""
 
+APART_M = 0.5  # Neighbouring beams that end farther apart than this end on two
+JUMP_M = 0.6  # A track is assigned what is nearer than this to its prediction
+PLACE_S = 0.2  # Time constant of a track's place; that of its velocity follows from it
+COAST_S = 0.5  # A track to which nothing was assigned for so long ends
+
 
 class MovingObstacles:
     """Compares each scan with those of the last `KEPT_S`: what stands where one of them saw free space has moved.
+
+    What moves is tracked: an alpha-beta filter at constant velocity over the middle of neighbouring beams' ends
+    (Bar-Shalom, Li and Kirubarajan 2001, section 6.5).
 
     Scans are compared in the odometry frame. A thing that is thinner than the gap between two beams is missed by some
     scans and may count as moving.
@@ -27,6 +36,7 @@ class MovingObstacles:
 
     def __init__(self) -> None:
         self._scans: deque[tuple[float, FloatArray, FloatArray]] = deque()
+        self._tracks: list[_Track] = []
         self._time_s = 0.0
 
     def see(self, proprio: NDArray[Any], beams_rad: FloatArray, frame_s: float) -> BoolArray:
@@ -53,4 +63,38 @@ class MovingObstacles:
             hits = (inside & (free_m > away + BEYOND_M)).any(axis=0) & (ranges < near_m)
         if not self._scans or self._time_s - self._scans[-1][0] > SCAN_S:
             self._scans.append((self._time_s, pose, ranges))
+        angles = pose[2] + beams_rad[hits]
+        ends = pose[:2] + ranges[hits, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        self._update_tracks(ends, frame_s)
         return hits
+
+    def relative(self, proprio: NDArray[Any]) -> tuple[FloatArray, FloatArray]:
+        """`(K, 2)` places [m] and `(K, 2)` velocities over the ground [m/s] of what moves, in the chassis' frame."""
+        x, y, heading = (float(value) for value in proprio[:3])
+        turn = np.array([[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]])
+        places = np.array([track.place_m for track in self._tracks]).reshape(-1, 2)
+        velocities = np.array([track.velocity_m_s for track in self._tracks]).reshape(-1, 2)
+        return (places - (x, y)) @ turn, velocities @ turn
+
+    def _update_tracks(self, ends_m: FloatArray, frame_s: float) -> None:
+        """Predict the tracks by a frame and correct them by `(N, 2)` ends of beams, in the beams' order."""
+        steps = np.hypot(*np.diff(ends_m, axis=0).T)
+        places = [ends.mean(axis=0) for ends in np.split(ends_m, np.flatnonzero(steps > APART_M) + 1) if len(ends)]
+        gain = 1.0 - math.exp(-frame_s / PLACE_S)
+        for track in sorted(self._tracks, key=lambda track: -track.seen_s):
+            track.place_m = track.place_m + frame_s * track.velocity_m_s
+            away = [math.dist(place, track.place_m) for place in places]
+            if min(away, default=math.inf) < JUMP_M:
+                innovation = places.pop(int(np.argmin(away))) - track.place_m
+                track.place_m = track.place_m + gain * innovation
+                track.velocity_m_s = track.velocity_m_s + gain * gain / (2.0 - gain) / frame_s * innovation
+                track.seen_s = self._time_s
+        self._tracks = [track for track in self._tracks if self._time_s - track.seen_s < COAST_S]
+        self._tracks += [_Track(place, np.zeros(2), self._time_s) for place in places]
+
+
+@dataclass
+class _Track:
+    place_m: FloatArray  # (2,) in the odometry frame
+    velocity_m_s: FloatArray
+    seen_s: float

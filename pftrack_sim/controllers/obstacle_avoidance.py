@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.controllers.base import RobotParameters
 from pftrack_sim.controllers.moving_obstacles import MovingObstacles
+from pftrack_sim.controllers.passing import pass_movers
 from pftrack_sim.controllers.target_search import TargetSearch
 from pftrack_sim.controllers.visual_servo import DISTANCE_S, TURN_S
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGES, beam_angles_rad
@@ -22,7 +23,7 @@ HULL_M = 0.245  # Radius of the robot seen from above
 MARGIN_M = 0.2  # Desired clearance beside the hull; a gap is open if it is wider than the hull with this on both sides
 MIN_CLEARANCE_M = 0.06  # Clearance below which the robot does not drive on
 PERSON_M, AHEAD_RAD = 0.7, math.radians(75.0)
-"""Distance that is kept from what moves, and angle off straight ahead from which on it is passed."""
+"""Distance at which it stops before what moves, and angle off straight ahead from which on that is passed."""
 HORIZON_M = 2.2  # Obstacles farther than this are ignored: at 1.25 m/s they are almost two seconds ahead
 TARGET_CLEAR_M = 0.7  # An obstacle this close in front of the target is the target
 BRAKE_M_S2 = 0.8  # Deceleration for which the speed is chosen: two thirds of the base's greatest
@@ -51,8 +52,8 @@ class ObstacleAvoidance:
     odometry frame: towards the latest point of it that the beams leave open (only if there is none, the open direction
     nearest to the target). It goes on until the direct way is open.
 
-    From what moves (`MovingObstacles`) it keeps `PERSON_M`: it stops before people and backs off from those who are
-    nearer, whomever it follows, and does not squeeze past them.
+    What moves (`MovingObstacles`) blocks no direction: it is passed by where it will be (`pass_movers`). Where there is
+    no way past, and while the target is lost, the robot stops `PERSON_M` before it and backs off from who is nearer.
 
     The range finder does not cover the back: backwards the same holds for the scans of the last `MEMORY_M`, stored in
     the odometry frame.
@@ -91,24 +92,22 @@ class ObstacleAvoidance:
         self._mark_trail(proprio, pan, target)
         if self._on_trail:
             forward = max(forward, self._inner.wanted_m_s)
+        moving = self._moving.see(proprio, self._beams, self._frame_s) & (np.abs(self._beams) < AHEAD_RAD)
+        if target is not None:
+            moving &= self._apart(ranges, target, pan) > TARGET_CLEAR_M
         if forward > 0.02:
-            direction = self._choose_direction(goal, ranges, reach, self._trail_ahead(proprio))
+            direction, forward = self._choose_way(goal, forward, np.where(moving, np.inf, ranges), reach, proprio)
             if direction is None:
-                forward, turn = 0.0, math.copysign(0.5, turn if self._detour_rad is None else self._detour_rad)
+                turn = math.copysign(0.5, turn if self._detour_rad is None else self._detour_rad)
             elif abs(math.remainder(direction - goal, 2.0 * math.pi)) > 1e-9:
                 turn = direction / TURN_S
                 forward = max(math.cos(direction), 0.0) * forward
             forward = min(forward, _safe_speed(*self._ahead(ranges)))
         else:
             self._detour_rad, self._on_trail = None, False
-        moving = self._moving.see(proprio, self._beams, self._frame_s) & (np.abs(self._beams) < AHEAD_RAD)
-        if target is not None:
-            moving &= self._apart(ranges, target, pan) > TARGET_CLEAR_M
-        if moving.any():
-            ahead, aside = self._ahead(ranges)
-            forward = min(forward, _safe_speed(ahead[moving], aside[moving], PERSON_M))
+        # While the target is lost it may be the one who comes.
+        if moving.any() and (target is None or forward <= 0.02):
             room_m = float(ranges[moving].min()) - PERSON_M
-            # While the target is lost it may be the one who comes.
             if target is None or room_m < 0.0:
                 forward = min(forward, room_m / DISTANCE_S)
         self._remember(proprio, ranges, pan)
@@ -116,6 +115,24 @@ class ObstacleAvoidance:
             forward = max(forward, -_safe_speed(*self._behind(proprio)))
         changed = np.clip(np.array([forward, turn]) / self._limits[:2], -1.0, 1.0)
         return np.concatenate([changed, command[2:]])
+
+    def _choose_way(
+        self, goal_rad: float, speed_m_s: float, ranges: FloatArray, reach_m: float, proprio: NDArray[Any]
+    ) -> tuple[float | None, float]:
+        """Direction [rad], None if all are blocked, and speed [m/s]; `ranges` are those to what stands."""
+        direction = self._choose_direction(goal_rad, ranges, reach_m, self._trail_ahead(proprio))
+        if direction is None:
+            return None, 0.0
+        places, velocities = self._moving.relative(proprio)
+        if (target_m := self._inner.distance_m) is not None:
+            pan = float(proprio[PROPRIO_INDEX["pan_rad"]])
+            aim = target_m * np.array([math.cos(pan), math.sin(pan)])
+            others = np.hypot(*(places - aim).T) > TARGET_CLEAR_M
+            places, velocities = places[others], velocities[others]
+        if not len(places):
+            return direction, speed_m_s
+        open_rad = _DIRECTIONS_RAD[_open(_DIRECTIONS_RAD, self._beams, ranges, reach_m)]
+        return pass_movers(direction, speed_m_s, open_rad, places, velocities)
 
     def _choose_direction(
         self, goal_rad: float, ranges: FloatArray, reach_m: float, trail: list[tuple[float, float]]

@@ -14,6 +14,7 @@ from pftrack_sim.core.records import Estimate
 SIZE = (640, 480)
 FOCAL_PX = 240.0 / math.tan(math.radians(25.0))
 LIMITS = np.array([1.6, math.radians(90.0), math.radians(120.0), math.radians(60.0)])
+WALKER_M = 0.15
 HALF_VIEW_RAD = math.atan2(320.0, FOCAL_PX)
 
 
@@ -25,6 +26,7 @@ class Playground:
         height_m: Height of the person.
         posts: x, y and radius [m] of round obstacles, measured by the range finder only.
         legs: Whether the range finder measures the person.
+        walkers: x, y [m] and velocity [m/s] of others who walk, measured by the range finder only.
     """
 
     def __init__(
@@ -33,6 +35,7 @@ class Playground:
         height_m: float = 1.72,
         posts: Sequence[tuple[float, float, float]] = (),
         legs: bool = False,
+        walkers: Sequence[tuple[float, float, float, float]] = (),
     ) -> None:
         self.x = self.y = self.heading = self.pan = self.tilt = 0.0
         self.rates = np.zeros(4)
@@ -40,7 +43,8 @@ class Playground:
         self.height_m = height_m
         self.posts = np.array(posts, dtype=np.float64).reshape(-1, 3)
         self.legs = legs
-        self.nearest_m = math.inf
+        self.walkers = np.array(walkers, dtype=np.float64).reshape(-1, 4)
+        self.nearest_m = self.nearest_walker_m = math.inf
         self.nearest_to_person_m = math.inf
         self.commands: list[np.ndarray] = []
 
@@ -69,7 +73,8 @@ class Playground:
         angles = self.heading + RANGE_ANGLES_RAD
         beams = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         found = np.full(len(beams), RANGE_M)
-        for x, y, radius in [*self.posts, *([(*self.target, 0.12)] if self.legs else [])]:
+        walkers = [(x, y, WALKER_M) for x, y in self.walkers[:, :2]]
+        for x, y, radius in [*self.posts, *walkers, *([(*self.target, 0.12)] if self.legs else [])]:
             offset = np.array([x - self.x, y - self.y])
             along, aside = beams @ offset, beams @ np.array([-offset[1], offset[0]])
             meets = (along > 0.0) & (np.abs(aside) < radius)
@@ -114,6 +119,9 @@ class Playground:
             self.pan += pan
             self.tilt += tilt
             self.target = self.target + np.array(velocity) / 30.0
+            self.walkers[:, :2] += self.walkers[:, 2:] / 30.0
+            away = np.hypot(*(self.walkers[:, :2] - (self.x, self.y)).T)
+            self.nearest_walker_m = min(self.nearest_walker_m, float(away.min(initial=math.inf)) - WALKER_M)
             self.nearest_to_person_m = min(self.nearest_to_person_m, self.distance_m)
             for x, y, radius in self.posts:
                 self.nearest_m = min(self.nearest_m, math.hypot(x - self.x, y - self.y) - radius)

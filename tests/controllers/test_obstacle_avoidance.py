@@ -8,6 +8,7 @@ from pftrack_sim import controllers
 from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.controllers.moving_obstacles import MovingObstacles
 from pftrack_sim.controllers.obstacle_avoidance import BRAKE_M_S2, HULL_M
+from pftrack_sim.controllers.passing import KEEP_M, pass_movers
 from pftrack_sim.core.proprioception import RANGE_ANGLES_RAD
 
 
@@ -106,6 +107,48 @@ def test_it_keeps_off_a_person_who_turns_round_and_comes_while_lost(aside: float
     assert world.nearest_to_person_m > 0.55
 
 
+def test_it_passes_who_walks_more_slowly_than_the_target():
+    world = Playground((3.0, 0.0), legs=True, walkers=[(1.6, 0.2, 0.6, 0.0)])
+    world.play(made(), 12.0, (1.1, 0.0))
+    assert world.distance_m < 3.6
+    assert world.x > world.walkers[0, 0]
+    assert world.nearest_walker_m > KEEP_M
+
+
+@pytest.mark.parametrize("seconds", [0.6, 1.2, 1.8, 2.4])
+def test_it_keeps_off_who_crosses_its_way(seconds: float):
+    # They would meet: the robot drives 1.1 m/s along the x axis.
+    world = Playground((3.0, 0.0), legs=True, walkers=[(1.1 * seconds + 1.0, 1.2 * seconds + 0.4, 0.0, -1.2)])
+    world.play(made(), 8.0, (1.1, 0.0))
+    assert world.nearest_walker_m > KEEP_M - 0.05
+    assert abs(world.distance_m - 3.0) < 0.5
+
+
+def test_somebody_who_has_just_stopped_beside_it_does_not_hold_it():
+    world, controller = Playground((3.0, 0.0), legs=True, walkers=[(1.3, -2.2, 0.0, 1.0)]), made()
+    world.play(controller, 1.5, (0.4, 0.0))
+    world.walkers[0, 2:] = 0.0
+    world.play(controller, 2.0, (1.1, 0.0))
+    assert world.distance_m < 4.0
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.6])
+def test_the_velocity_of_what_moves_is_estimated_on_a_robot_that_drives_and_turns(heading: float):
+    world = Playground((30.0, 0.0), walkers=[(2.0, -1.0, 0.3, 0.9)])
+    moving = MovingObstacles()
+    world.heading = heading
+    for _ in range(60):
+        moving.see(world.proprio(), RANGE_ANGLES_RAD, 1.0 / 30.0)
+        world.x, world.heading = world.x + 0.01, world.heading + 0.004
+        world.walkers[:, :2] += world.walkers[:, 2:] / 30.0
+    places, velocities = moving.relative(world.proprio())
+    turn = np.array(
+        [[math.cos(world.heading), -math.sin(world.heading)], [math.sin(world.heading), math.cos(world.heading)]]
+    )
+    np.testing.assert_allclose(places, (world.walkers[:, :2] - (world.x, world.y)) @ turn, atol=0.25)
+    np.testing.assert_allclose(velocities, world.walkers[:, 2:] @ turn, atol=0.25)
+
+
 def test_only_what_has_moved_counts_as_moving():
     room = [(x, side * 1.2, 0.15) for x in np.arange(-2.0, 9.0, 0.25) for side in (-1.0, 1.0)]
     world = Playground((4.0, 0.0), posts=room, legs=True)
@@ -120,3 +163,15 @@ def test_only_what_has_moved_counts_as_moving():
         assert (np.hypot(*(ends[hits] - world.target).T) < 0.2).all()
         seen.append(hits.any())
     assert np.mean(seen[30:90]) > 0.9
+
+
+def test_a_way_past_what_moves_is_chosen_by_where_it_will_be():
+    directions = np.deg2rad(np.linspace(-90.0, 90.0, 37))
+    ahead = np.array([[1.5, 0.0]])
+    direction, speed = pass_movers(0.0, 1.2, directions, ahead, np.array([[1.2, 0.0]]))
+    assert (direction, speed) == (0.0, 1.2)  # As fast as the robot: nothing to pass
+    direction, _ = pass_movers(0.0, 1.2, directions, ahead, np.array([[0.0, 0.6]]))
+    assert direction <= 0.0  # It walks to the left: it is passed behind
+    # Who walks straight at the robot from all around leaves no way: it stops.
+    around = 0.8 * np.stack([np.cos(np.linspace(-3.0, 3.0, 40)), np.sin(np.linspace(-3.0, 3.0, 40))], axis=1)
+    assert pass_movers(0.0, 1.2, directions, around, -0.5 * around) == (0.0, 0.0)
