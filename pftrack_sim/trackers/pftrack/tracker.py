@@ -41,8 +41,9 @@ from pftrack_sim.trackers.recognition.search import (
 )
 
 MIN_SIZE_PX = 4.0
-CONTINUOUS = 0.9
-"""Least likeness of a person who has been in full view, and in the gate of their prediction, since they were sure."""
+CONTINUOUS, PASSING = 0.9, 30
+"""Least likeness of a person who has been in full view, and in the gate of their prediction, since they were sure, and
+the frames that a distractor may occlude them meanwhile."""
 SLOW, FORGETTING = 0.05, 0.1
 """Weight of a new frame that is sure in the running means of the responses, and the share of it that others have."""
 APART = 0.15
@@ -227,7 +228,7 @@ class Pftrack(BaseTracker):
         size = self._scale * self._size
         if self._distractors:
             self._continuous = likeness >= p.sure_likeness or (self._continuous and not step.elsewhere)
-            sure = likeness >= p.sure_likeness and not self._doubt
+            sure = self._continuous and not occluded and not self._doubt
             self._distractors.update(Place(likeness, size, self._centre), sure=sure)
         box = np.concatenate([self._centre - 0.5 * size, size])
         if step.behind:
@@ -246,11 +247,13 @@ class Pftrack(BaseTracker):
             return Step(seen, carried)
         at = Place(seen.likeness, seen.match.scale * self._size, seen.match.centre)
         ahead = Reach(carried + self.params.momentum * self._velocity, self._scale * self._size, self._missed)
-        assigned = self._distractors.associate(pyramid, shift, at, seen.looks, ahead)
-        in_view = assigned is at and self._distractors.in_gate and not person.is_covered(seen.looks)
-        self._continuous = self._continuous and in_view
+        assigned, in_gate, in_front = self._distractors.associate(pyramid, shift, at, seen.looks, ahead)
+        in_view = assigned is at and in_gate and not person.is_covered(seen.looks)
+        in_view = in_view and (self._missed == 0 or seen.likeness > UNLIKE)
+        passing = in_front and self._missed <= PASSING
+        self._continuous = self._continuous and (in_view or passing)
         if assigned is at:
-            least = CONTINUOUS if self._continuous else 0.0
+            least = CONTINUOUS if self._continuous and in_view else 0.0
             return Step(seen._replace(likeness=max(seen.likeness, least)), carried)
         if assigned.likeness > 0.0:
             return self._begin_at(self._seen_at(pyramid, image, assigned))

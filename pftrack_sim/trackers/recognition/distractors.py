@@ -24,6 +24,7 @@ from pftrack_sim.trackers.recognition.search import APART, LOOKS, Place, Reach, 
 EVERY, ROW, STEP = 4, 1.6, 0.4
 """Frames from one search for new people to the next, half the length of the row of points that it starts from, and the
 points' distance, in heights of the target."""
+NEARER = 1.8  # Height of the people whom a second row looks for, in heights of the target: they may come to occlude it
 SHIFT, GROWTH, WIDENING = 0.25, 0.12, 0.2
 """Standard deviations of a prediction one frame ahead: of the position, in heights of the box, and of the logarithm of
 the height; and the share by which both grow with each frame without a detection."""
@@ -33,6 +34,9 @@ SAME, OTHER = 0.5, 0.3  # Overlap from which two boxes are of one person, and up
 BEHIND, HIDDEN = 0.85, 0.5
 """A distractor below this height, in heights of the target, is behind it: more than this share of the box inside the
 target's, it is hidden, and a detection there is the target."""
+BEFORE, MEETS = 1.1, 0.1
+"""From this height on, in heights of the target, a distractor is before it and not occluded by it; from this overlap of
+the boxes on, one of the two occludes the other."""
 LEAST_HEIGHT = 0.6  # Of a distractor, in heights of the target: a smaller one is behind the target
 MOST, MISSED = 3, 15  # Distractors that are tracked, and frames without a detection after which a track ends
 FAR = 2.5  # Distance from the target, in its heights, beyond which a track ends
@@ -41,6 +45,22 @@ OCCLUDED, DECAY_FRAMES = 0.4, 150
 """Confidence of a target that a distractor has just occluded, and the frames in which it falls to 1/e."""
 CLOSER = 0.9  # Factor per frame of an occluded target's offset across its occluder: were it large, it would be seen
 LEARNT = 0.1  # Weight of a new view in a track's identity
+
+
+class Association(NamedTuple):
+    """Where the target is by association.
+
+    Attributes:
+        place: The tracker's; or another one where a distractor is in that box: its likeness is 0 if the target is
+            occluded, and assumed to stay behind its occluder.
+        in_gate: Whether a person was detected in the tracker's box, within the gate of the target's prediction, who is
+            more like the target than like a distractor that meets the box.
+        in_front: Whether a distractor meets the predicted target that is not behind it.
+    """
+
+    place: Place
+    in_gate: bool
+    in_front: bool
 
 
 class _Detection(NamedTuple):
@@ -66,6 +86,10 @@ class _Track:
         unlike = (1.0 - float(detection.identity @ self.identity)) / UNLIKE
         return self.motion(detection) / (wider * wider) + unlike * unlike
 
+    def is_more_alike(self, detection: _Detection, other: _Track) -> bool:
+        """Whether a detection looks more like this track than like another."""
+        return float(detection.identity @ self.identity) > float(detection.identity @ other.identity)
+
     def motion(self, detection: _Detection) -> float:
         """d^2 of position and height alone, one frame after the last detection."""
         growth = math.log(float(detection.place.size[1] / self.place.size[1])) / GROWTH
@@ -88,20 +112,16 @@ class Distractors:
 
     Args:
         target: Whom they are not.
-
-    Attributes:
-        in_gate: Whether a person was detected in the target's box, within the gate of its prediction.
     """
 
     def __init__(self, target: KnownPerson) -> None:
         self._target = target
         self._tracks: list[_Track] = []
         self._frame = 0
-        self.in_gate = True
 
     def associate(
         self, pyramid: ImagePyramid, shift: FloatArray, place: Place, view: PersonView, target: Reach
-    ) -> Place:
+    ) -> Association:
         """Where the target is in the next image, by association of detections with its track and the distractors'.
 
         Args:
@@ -110,10 +130,6 @@ class Distractors:
             place: The target's box as estimated by the tracker.
             view: What is seen in it.
             target: The target's prediction, with the frames since its last detection.
-
-        Returns:
-            `place`; or another one where a distractor is in that box: its likeness is 0 if the target is occluded, and
-            assumed to stay behind its occluder.
         """
         self._pyramid = pyramid
         expected = _Track(Place(0.0, target.size, target.centre), self._target.identity, target.missed)
@@ -123,17 +139,26 @@ class Distractors:
             track.detection = detection if detection and track.distance(detection) < GATE else None
         off = self._target.off(view)
         in_box = _Detection(place if off is None else moved(place, off), view.identity)
-        self.in_gate = off is not None and expected.motion(in_box) < TARGET_GATE
-        occluder, detections = self._assigned(in_box, expected)
+        seen = [(track, track.detection.place) for track in self._tracks if track.detection]
+        in_gate = off is not None and expected.motion(in_box) < TARGET_GATE
+        in_gate = in_gate and not any(
+            track.is_more_alike(in_box, expected) and _overlap(at, in_box.place, MEETS) for track, at in seen
+        )
+        in_front = any(at.size[1] > BEHIND * target.size[1] and _overlap(at, expected.place, MEETS) for _, at in seen)
+        return Association(self._place(place, in_box, expected), in_gate, in_front)
+
+    def _place(self, place: Place, in_box: _Detection, target: _Track) -> Place:
+        occluder, detections = self._assigned(in_box, target)
         if occluder is None:
             return place
+        reach = Reach(target.place.centre, target.place.size, target.missed)
         alike = [
-            one.place._replace(likeness=likeness_at(self._target, pyramid, one.place.centre, one.place.size)[1])
+            one.place._replace(likeness=likeness_at(self._target, self._pyramid, one.place.centre, one.place.size)[1])
             for one in detections
-            if target.holds(one.place)
+            if reach.holds(one.place)
         ]
         best = max(alike, key=lambda one: one.likeness, default=None)
-        return best if best and best.likeness >= UNSURE else occluder.occluded_by_it(expected.place)
+        return best if best and best.likeness >= UNSURE else occluder.occluded_by_it(target.place)
 
     def are_at(self, place: Place) -> bool:
         """Whether one of them was detected at a place."""
@@ -157,11 +182,14 @@ class Distractors:
         self._tracks = kept
         self._frame += 1
         if sure and self._frame % EVERY == 0:
-            for detection in self._beside(target):
+            for detection in [*self._beside(target), *self._beside(target, NEARER)]:
                 others = [target, *(one.place for one in self._tracks)]
                 apart = not any(_overlap(detection.place, other, OTHER) for other in others)
-                if apart and len(self._tracks) < MOST and detection.place.size[1] > LEAST_HEIGHT * target.size[1]:
+                if apart and detection.place.size[1] > LEAST_HEIGHT * target.size[1]:
                     self._tracks.append(_Track(*detection))
+            # Whoever is nearest to the camera may come to occlude the target.
+            self._tracks.sort(key=lambda one: -float(one.place.size[1]) / (1.0 + WIDENING * one.missed))
+            del self._tracks[MOST:]
 
     def _assigned(self, in_box: _Detection, target: _Track) -> tuple[_Track | None, list[_Detection]]:
         """The distractor in the target's box, or None; and the detections that can be the target then."""
@@ -173,7 +201,8 @@ class Distractors:
                     track.detection, in_box = in_box, track.detection
                     return track, [in_box]
             elif target.cost(in_box) <= track.cost(track.detection):
-                track.detection = None  # occluded by the target
+                if track.place.size[1] < BEFORE * target.place.size[1]:
+                    track.detection = None  # occluded by the target
             else:
                 others = self._beside(target.place)
                 for other in others:
@@ -183,15 +212,20 @@ class Distractors:
                 return track, others
         return None, []
 
-    def _beside(self, target: Place) -> list[_Detection]:
-        """Detections from a row of points through a place that belong to none of the tracks."""
-        height = float(target.size[1])
-        right = np.arange(-ROW, ROW + 1e-6, STEP) * height
+    def _beside(self, target: Place, zoom: float = 1.0) -> list[_Detection]:
+        """Detections from a row of points through a place that belong to none of the tracks.
+
+        They are looked at as people of the place's size times `zoom`.
+        """
+        size = zoom * target.size
+        height = float(size[1])
+        count = round(ROW / zoom / STEP)
+        right = np.arange(-count, count + 1) * STEP * height
         points = target.centre + np.stack([right, np.zeros_like(right)], axis=1)
         near: list[Place] = []
         for point, view in zip(points, look_at_all(self._pyramid, points, height), strict=True):
             if (off := self._target.off(view)) is not None:
-                near.append(moved(Place(view.person * view.visible, target.size, point), off))
+                near.append(moved(Place(view.person * view.visible, size, point), off))
         found: list[_Detection] = []
         for one in sorted(near, key=lambda one: -one.likeness):
             if all(math.dist(one.centre, other.place.centre) > APART * float(one.size[1]) for other in found):

@@ -95,7 +95,7 @@ class TargetMemory:
             shift = self._camera.shift(image)
             self._centre = self._centre + shift
             last = Reach(self._centre, self._size, self._missed)
-            assigned = self._distractors.associate(pyramid, shift, place, view, last)
+            assigned = self._distractors.associate(pyramid, shift, place, view, last).place
             on_distractor = assigned is not place
             if on_distractor:
                 now, place = assigned if self._searches else None, place._replace(likeness=0.0)
