@@ -30,6 +30,7 @@ SHIFT, GROWTH, WIDENING = 0.25, 0.12, 0.2
 the height; and the share by which both grow with each frame without a detection."""
 UNLIKE = 0.1  # Standard deviation of one minus the product of the identities of two views of a person
 TARGET_GATE, GATE = 4.0, 16.0  # Greatest d^2 of a detection that continues the target's track, or a distractor's
+UNSEEN = 9.0  # What a target without a detection costs
 SAME, OTHER = 0.5, 0.3  # Overlap from which two boxes are of one person, and up to which they are of two
 BEHIND, HIDDEN = 0.85, 0.5
 """A distractor below this height, in heights of the target, is behind it: more than this share of the box inside the
@@ -85,6 +86,11 @@ class _Track:
         wider = 1.0 + WIDENING * self.missed
         unlike = (1.0 - float(detection.identity @ self.identity)) / UNLIKE
         return self.motion(detection) / (wider * wider) + unlike * unlike
+
+    def reaches(self, detection: _Detection) -> bool:
+        """Whether position and height can be those of this track now."""
+        wider = 1.0 + WIDENING * self.missed
+        return self.motion(detection) < TARGET_GATE * wider * wider
 
     def is_more_alike(self, detection: _Detection, other: _Track) -> bool:
         """Whether a detection looks more like this track than like another."""
@@ -151,11 +157,16 @@ class Distractors:
         occluder, detections = self._assigned(in_box, target)
         if occluder is None:
             return place
-        reach = Reach(target.place.centre, target.place.size, target.missed)
+        tall = LEAST_HEIGHT * float(target.place.size[1])
+        near: list[_Detection] = []
+        for one in detections:
+            if target.reaches(one):
+                near.append(one)
+            elif one.place.size[1] > tall:  # somebody else, who came meanwhile
+                self._tracks.append(_Track(*one, detection=one))
         alike = [
             one.place._replace(likeness=likeness_at(self._target, self._pyramid, one.place.centre, one.place.size)[1])
-            for one in detections
-            if reach.holds(one.place)
+            for one in near
         ]
         best = max(alike, key=lambda one: one.likeness, default=None)
         return best if best and best.likeness >= UNSURE else occluder.occluded_by_it(target.place)
@@ -187,9 +198,9 @@ class Distractors:
                 apart = not any(_overlap(detection.place, other, OTHER) for other in others)
                 if apart and detection.place.size[1] > LEAST_HEIGHT * target.size[1]:
                     self._tracks.append(_Track(*detection))
-            # Whoever is nearest to the camera may come to occlude the target.
-            self._tracks.sort(key=lambda one: -float(one.place.size[1]) / (1.0 + WIDENING * one.missed))
-            del self._tracks[MOST:]
+        # Whoever is nearest to the camera may come to occlude the target.
+        self._tracks.sort(key=lambda one: -float(one.place.size[1]) / (1.0 + WIDENING * one.missed))
+        del self._tracks[MOST:]
 
     def _assigned(self, in_box: _Detection, target: _Track) -> tuple[_Track | None, list[_Detection]]:
         """The distractor in the target's box, or None; and the detections that can be the target then."""
@@ -205,8 +216,9 @@ class Distractors:
                     track.detection = None  # occluded by the target
             else:
                 others = self._beside(target.place)
+                stays = track.cost(track.detection)
                 for other in others:
-                    if _swapped(target, other, track, in_box):
+                    if target.cost(in_box) + track.cost(other) < stays + min(target.cost(other), UNSEEN):
                         track.detection = other
                         return None, []
                 return track, others
