@@ -1,6 +1,7 @@
 """Whether distractors are told from the target by position and size, whatever they wear."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -241,3 +242,16 @@ def test_a_twin_who_walks_by_in_front_is_not_taken_for_the_target(
     assert any(behind)
     assert max(one.confidence for one, hidden in zip(estimates, behind, strict=True) if hidden) <= OCCLUDED
     assert min(boxes.iou(one.box, box) for one in estimates[-20:]) > 0.5
+
+
+@pytest.mark.parametrize("right", [0.8, -0.8])
+def test_who_comes_beside_an_occluded_target_is_not_taken_for_it(right: float):
+    """The target cannot have walked so far meanwhile."""
+    frame = first_in_full_view(3)
+    box = frame.truth.amodal_box
+    images, twin = twin_walks_by(frame)
+    hidden = [inside(box, one) > 0.5 for one in twin]
+    crowded = replace(frame, image=with_twin(frame.image, box, 1.0, right)[0])
+    since = hidden.index(True)
+    estimates = follow("pftrack", images[:since] + twin_walks_by(crowded)[0][since:], box)
+    assert min(boxes.iou(one.box, box) for one in estimates[-10:]) > 0.5
