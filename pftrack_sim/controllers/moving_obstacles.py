@@ -18,7 +18,7 @@ BEYOND_M = 0.4  # A place was free if the beams on both its sides went on for so
 SCAN_S, KEPT_S = 0.25, 3.0
 """Time from one kept scan to the next, and how long they are kept: who stands for longer is an obstacle like others."""
 
-APART_M = 0.5  # Neighbouring beams that end farther apart than this end on two
+APART_M = 0.5  # Neighbouring beams that end farther apart than this end on two people
 JUMP_M = 0.6  # A track is assigned what is nearer than this to its prediction
 PLACE_S = 0.2  # Time constant of a track's place; that of its velocity follows from it
 COAST_S = 0.5  # A track to which nothing was assigned for so long ends
@@ -27,8 +27,9 @@ COAST_S = 0.5  # A track to which nothing was assigned for so long ends
 class MovingObstacles:
     """Compares each scan with those of the last `KEPT_S`: what stands where one of them saw free space has moved.
 
-    What moves is tracked: an alpha-beta filter at constant velocity over the middle of neighbouring beams' ends
-    (Bar-Shalom, Li and Kirubarajan 2001, section 6.5).
+    What moves is tracked: an alpha-beta filter at constant velocity, beta = alpha^2 / (2 - alpha), over the middle of
+    neighbouring beams' ends (Benedict and Bordner 1962, "Synthesis of an optimal set of radar track-while-scan
+    smoothing equations", IRE Transactions on Automatic Control).
 
     Scans are compared in the odometry frame. A thing that is thinner than the gap between two beams is missed by some
     scans and may count as moving.

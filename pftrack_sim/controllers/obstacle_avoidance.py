@@ -23,7 +23,7 @@ HULL_M = 0.245  # Radius of the robot seen from above
 MARGIN_M = 0.2  # Desired clearance beside the hull; a gap is open if it is wider than the hull with this on both sides
 MIN_CLEARANCE_M = 0.06  # Clearance below which the robot does not drive on
 PERSON_M, AHEAD_RAD = 0.7, math.radians(75.0)
-"""Distance at which it stops before what moves, and angle off straight ahead from which on that is passed."""
+"""Distance at which the robot stops before a mover, and angle off straight ahead from which on it ignores it."""
 HORIZON_M = 2.2  # Obstacles farther than this are ignored: at 1.25 m/s they are almost two seconds ahead
 TARGET_CLEAR_M = 0.7  # An obstacle this close in front of the target is the target
 BRAKE_M_S2 = 0.8  # Deceleration for which the speed is chosen: two thirds of the base's greatest

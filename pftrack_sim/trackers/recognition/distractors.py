@@ -24,7 +24,7 @@ from pftrack_sim.trackers.recognition.search import APART, LOOKS, Place, Reach, 
 EVERY, ROW, STEP = 4, 1.6, 0.4
 """Frames from one search for new people to the next, half the length of the row of points that it starts from, and the
 points' distance, in heights of the target."""
-NEARER = 1.8  # Height of the people whom a second row looks for, in heights of the target: they may come to occlude it
+NEARER = 1.8  # Height of the people whom a second row searches for, in heights of the target: they can occlude it
 SHIFT, GROWTH, WIDENING = 0.25, 0.12, 0.2
 """Standard deviations of a prediction one frame ahead: of the position, in heights of the box, and of the logarithm of
 the height; and the share by which both grow with each frame without a detection."""
@@ -35,9 +35,9 @@ SAME, OTHER = 0.5, 0.3  # Overlap from which two boxes are of one person, and up
 BEHIND, HIDDEN = 0.85, 0.5
 """A distractor below this height, in heights of the target, is behind it: more than this share of the box inside the
 target's, it is hidden, and a detection there is the target."""
-BEFORE, MEETS = 1.1, 0.1
-"""From this height on, in heights of the target, a distractor is before it and not occluded by it; from this overlap of
-the boxes on, one of the two occludes the other."""
+IN_FRONT, MEETS = 1.1, 0.1
+"""From this height on, in heights of the target, a distractor is in front of it and cannot be occluded by it; from this
+overlap of the boxes on, one of the two occludes the other."""
 LEAST_HEIGHT = 0.6  # Of a distractor, in heights of the target: a smaller one is behind the target
 MOST, MISSED = 3, 15  # Distractors that are tracked, and frames without a detection after which a track ends
 FAR = 2.5  # Distance from the target, in its heights, beyond which a track ends
@@ -154,6 +154,7 @@ class Distractors:
         return Association(self._place(place, in_box, expected), in_gate, in_front)
 
     def _place(self, place: Place, in_box: _Detection, target: _Track) -> Place:
+        """`Association.place`, and new tracks of people who are too far from the occluded target to be it."""
         occluder, detections = self._assigned(in_box, target)
         if occluder is None:
             return place
@@ -162,7 +163,7 @@ class Distractors:
         for one in detections:
             if target.reaches(one):
                 near.append(one)
-            elif one.place.size[1] > tall:  # somebody else, who came meanwhile
+            elif one.place.size[1] > tall:  # a distractor that was not tracked yet
                 self._tracks.append(_Track(*one, detection=one))
         alike = [
             one.place._replace(likeness=likeness_at(self._target, self._pyramid, one.place.centre, one.place.size)[1])
@@ -198,7 +199,7 @@ class Distractors:
                 apart = not any(_overlap(detection.place, other, OTHER) for other in others)
                 if apart and detection.place.size[1] > LEAST_HEIGHT * target.size[1]:
                     self._tracks.append(_Track(*detection))
-        # Whoever is nearest to the camera may come to occlude the target.
+        # The nearest to the camera, who can occlude the target, are the tallest in the image.
         self._tracks.sort(key=lambda one: -float(one.place.size[1]) / (1.0 + WIDENING * one.missed))
         del self._tracks[MOST:]
 
@@ -212,7 +213,7 @@ class Distractors:
                     track.detection, in_box = in_box, track.detection
                     return track, [in_box]
             elif target.cost(in_box) <= track.cost(track.detection):
-                if track.place.size[1] < BEFORE * target.place.size[1]:
+                if track.place.size[1] < IN_FRONT * target.place.size[1]:
                     track.detection = None  # occluded by the target
             else:
                 others = self._beside(target.place)
