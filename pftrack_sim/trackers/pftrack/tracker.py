@@ -194,7 +194,7 @@ class Pftrack(BaseTracker):
         person = KnownPerson.found(pyramid, self._centre, self._size) if p.person_gain > 0.0 else None
         self._looks = person or PartColours(describe(pyramid, self._centre, self._size))
         self._distractors = Distractors(person) if person else None
-        self._continuous = person is not None
+        self._continuous, self._passing = person is not None, False
         self._camera_shift(image)
         self._learn(pyramid, 1.0)
 
@@ -250,8 +250,9 @@ class Pftrack(BaseTracker):
         assigned, in_gate, in_front = self._distractors.associate(pyramid, shift, at, seen.looks, ahead)
         in_view = assigned is at and in_gate and not person.is_covered(seen.looks)
         in_view = in_view and (self._missed == 0 or seen.likeness > UNLIKE)
-        passing = in_front and self._missed <= PASSING
-        self._continuous = self._continuous and (in_view or passing)
+        # Its passing ends when the target is in view without it, whatever is not detected in single frames.
+        self._passing = in_front or (self._passing and not in_view)
+        self._continuous = self._continuous and (in_view or (self._passing and self._missed <= PASSING))
         if assigned is at:
             least = CONTINUOUS if self._continuous and in_view else 0.0
             return Step(seen._replace(likeness=max(seen.likeness, least)), carried)
