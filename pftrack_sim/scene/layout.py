@@ -12,6 +12,9 @@ HIDDEN_GROUP = 3
 HIDDEN_ROBOT_GROUP = 4
 """MuJoCo geom groups. Hidden geoms collide and are not drawn; those of the robot are ignored by its range finder."""
 
+PEOPLE_CONTYPE, PEOPLE_CONAFFINITY = 4, 2
+"""Collision bits of people: they collide with robots only."""
+
 Bounds: TypeAlias = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max [m]
 CONTACT = "contact"  # Name of the material and the mesh of the darkness under feet
 CONTACT_OF_THINGS = "contact-of-things"  # Name of the mesh of the darkness around what stands on the ground

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.core.types import IntArray
-from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
+from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_CONAFFINITY, PEOPLE_CONTYPE, SCENERY_GROUP
 
 _TEXTURE_2D = mujoco.mjtTexture.mjTEXTURE_2D
 _LINEAR = mujoco.mjtColorSpace.mjCOLORSPACE_LINEAR
@@ -115,6 +115,23 @@ def geom_meshes(model: Any) -> IntArray:
         shares = (meshes >= level) & (points[before] == points[meshes]) if len(points) else np.zeros(len(meshes), bool)
         levels.append(np.where(shares, before, levels[-1]))
     return np.stack(levels)
+
+
+NO_CONTACT: dict[str, Any] = {"contype": 0, "conaffinity": 0, "mass": 0.0}
+"""Properties of geoms that are drawn and collide with nothing."""
+
+
+def add_mesh_geom(body: mujoco.MjsBody, name: str, *, group: int = SCENERY_GROUP, **properties: Any) -> mujoco.MjsGeom:
+    """Add the mesh of a name to a body, as a geom of the same name that is drawn and collides with nothing."""
+    return body.add_geom(
+        name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, group=group, **NO_CONTACT, **properties
+    )
+
+
+def add_bumper(body: mujoco.MjsBody, name: str, **shape: Any) -> None:
+    """Add a hidden shape of a person, or of what moves like one: it collides with robots only."""
+    bits = {"contype": PEOPLE_CONTYPE, "conaffinity": PEOPLE_CONAFFINITY}
+    body.add_geom(name=f"{name}/bumper", group=HIDDEN_GROUP, mass=0.0, castshadow=False, **bits, **shape)
 
 
 def add_box(

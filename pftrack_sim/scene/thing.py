@@ -14,14 +14,14 @@ from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.section import UpAxis
 from pftrack_sim.scenario.thing import Thing
-from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
-from pftrack_sim.scene.people.person import PEOPLE_CONAFFINITY, PEOPLE_CONTYPE, UNPOSED_Z_M
+from pftrack_sim.scene.layout import PEOPLE_GROUP
+from pftrack_sim.scene.people.person import UNPOSED_Z_M
 from pftrack_sim.scene.places.catalogue import load_prop
 from pftrack_sim.scene.places.materials import add_material
 from pftrack_sim.scene.places.mesh_file import drawn, read_meshes
 from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, translated
 from pftrack_sim.scene.places.room import Surface, add_surface
-from pftrack_sim.scene.scene_spec import SceneSpec
+from pftrack_sim.scene.scene_spec import SceneSpec, add_bumper, add_mesh_geom
 
 BODY = "body"  # Name of its only part: "target/body"
 BEARER, WALKER = "bearer", "walker"
@@ -106,19 +106,9 @@ def add_thing(spec: SceneSpec, name: str, thing: Thing) -> None:
         if mesh.material not in surfaces:
             add_material(spec, mesh.material)
         spec.add_mesh_file(part, mesh.file)
-        geom = body.add_geom(name=part, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part, material=mesh.material)
-        geom.group, geom.contype, geom.conaffinity, geom.mass = PEOPLE_GROUP, 0, 0, 0.0
+        add_mesh_geom(body, part, group=PEOPLE_GROUP, material=mesh.material)
     kind, size = solid(thing)
-    body.add_geom(
-        name=f"{name}/{BODY}/bumper",
-        type=kind,
-        size=size,
-        group=HIDDEN_GROUP,
-        contype=PEOPLE_CONTYPE,
-        conaffinity=PEOPLE_CONAFFINITY,
-        mass=0.0,
-        castshadow=False,
-    )
+    add_bumper(body, body.name, type=kind, size=size)
 
 
 def _extent(prop: Prop) -> FloatArray:

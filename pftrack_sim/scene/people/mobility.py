@@ -14,12 +14,11 @@ import numpy as np
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.mobility import Mobility
-from pftrack_sim.scene.layout import HIDDEN_GROUP, SCENERY_GROUP
-from pftrack_sim.scene.scene_spec import SceneSpec, mesh_file
+from pftrack_sim.scene.layout import SCENERY_GROUP
+from pftrack_sim.scene.scene_spec import NO_CONTACT, SceneSpec, add_bumper, add_mesh_geom, mesh_file
 
 _STATURE_M = 1.75  # For which the table is
 _UNPOSED_Z_M = -9.0
-_COLLIDES, _WITH = 4, 2  # As people do
 _TYRE, _RIM, _SPOKE = "black", "steel", "steel"
 _AROUND, _ACROSS = 32, 8  # Points of a tyre
 _CAPSULE, _ELLIPSOID, _BOX = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_ELLIPSOID, mujoco.mjtGeom.mjGEOM_BOX
@@ -85,16 +84,11 @@ def add_mobility(spec: SceneSpec, person: str, kind: Mobility, height_m: float) 
         if part.radius_m:
             _add_wheel(spec, body, part, factor)
         if index == 0:
-            body.add_geom(name=f"{name}/bumper", type=_BOX, size=factor * half, pos=factor * middle, **_bumper())
-
-
-def _bumper() -> dict[str, Any]:
-    return {"group": HIDDEN_GROUP, "contype": _COLLIDES, "conaffinity": _WITH, "mass": 0.0, "castshadow": False}
+            add_bumper(body, name, type=_BOX, size=factor * half, pos=factor * middle)
 
 
 def _drawn(colour: str) -> dict[str, Any]:
-    rgba = (*asset_table("mobility")["colours"][colour], 1.0)
-    return {"group": SCENERY_GROUP, "contype": 0, "conaffinity": 0, "mass": 0.0, "rgba": rgba}
+    return {"group": SCENERY_GROUP, "rgba": (*asset_table("mobility")["colours"][colour], 1.0), **NO_CONTACT}
 
 
 def _add_shapes(body: mujoco.MjsBody, shapes: dict[str, Any], factor: float | FloatArray) -> None:
@@ -141,4 +135,4 @@ def _add_ring(
     name = f"{body.name}/{colour}"
     points = vertices.reshape(-1, 3), normals.reshape(-1, 3)
     spec.add_mesh_file(name, mesh_file(*points, np.zeros((len(points[0]), 2)), faces))
-    body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **_drawn(colour))
+    add_mesh_geom(body, name, rgba=_drawn(colour)["rgba"])

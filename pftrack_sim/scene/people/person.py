@@ -14,7 +14,7 @@ from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import IntArray
 from pftrack_sim.scenario.clothes import Clothes
 from pftrack_sim.scenario.mobility import Mobility
-from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
+from pftrack_sim.scene.layout import PEOPLE_GROUP
 from pftrack_sim.scene.people import body_meshes
 from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
 from pftrack_sim.scene.people.head_mesh import head_mesh
@@ -22,7 +22,7 @@ from pftrack_sim.scene.people.mesh import TriangleMesh, mirrored
 from pftrack_sim.scene.people.mobility import add_mobility, body_name, parts
 from pftrack_sim.scene.people.outfit import Outfit, dressed, groomed, sample_outfit, similar_outfit
 from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, paint_atlas
-from pftrack_sim.scene.scene_spec import BLANK, SceneSpec
+from pftrack_sim.scene.scene_spec import BLANK, SceneSpec, add_bumper, add_mesh_geom
 
 _PAIRED_PARTS = {
     "upper-arm": body_meshes.upper_arm_mesh,
@@ -44,10 +44,6 @@ x forward, y left, z up when standing.
 
 TRUNK: tuple[str, ...] = ("pelvis", "torso")
 """The parts of the trunk: from the hips to the base of the neck, without arms."""
-
-# Collision bits: people collide with robots only.
-PEOPLE_CONTYPE = 4
-PEOPLE_CONAFFINITY = 2
 
 UNPOSED_Z_M = -5.0  # height of parts before the first pose is written: below the ground, out of the robot's way
 
@@ -151,30 +147,11 @@ def add_person(spec: SceneSpec, person: Person) -> None:
         points = triangles.vertices, triangles.normals, coordinates
         spec.add_detailed_mesh(full_name, *points, (triangles.faces, *triangles.coarse))
         body = spec.worldbody.add_body(name=full_name, mocap=True, pos=[0.0, 0.0, UNPOSED_Z_M])
-        body.add_geom(
-            name=full_name,
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=full_name,
-            material=material.name,
-            group=PEOPLE_GROUP,
-            contype=0,
-            conaffinity=0,
-            mass=0.0,
-            castshadow=not part.endswith(("foot", "forearm")),
-        )
+        shadow = not part.endswith(("foot", "forearm"))
+        add_mesh_geom(body, full_name, group=PEOPLE_GROUP, material=material.name, castshadow=shadow)
         if part in capsules:
             radius, ends = capsules[part]
-            body.add_geom(
-                name=f"{full_name}/bumper",
-                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-                fromto=ends,
-                size=[radius, 0.0, 0.0],
-                group=HIDDEN_GROUP,
-                contype=PEOPLE_CONTYPE,
-                conaffinity=PEOPLE_CONAFFINITY,
-                mass=0.0,
-                castshadow=False,
-            )
+            add_bumper(body, full_name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=ends, size=[radius, 0.0, 0.0])
 
 
 def part_mocap_ids(model: mujoco.MjModel, names: Sequence[str]) -> IntArray:

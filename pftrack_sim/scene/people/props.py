@@ -14,6 +14,7 @@ import numpy as np
 from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.scenario.people import Carried, Item
 from pftrack_sim.scene.layout import SCENERY_GROUP
+from pftrack_sim.scene.scene_spec import NO_CONTACT
 
 RESTING_HEIGHT_M: dict[Item, float] = {"bag": 0.48, "box": 0.14, "backpack": 0.24, "umbrella": 0.05}
 """Height of the origin above the ground when put down. The origin of bag and umbrella is the grip, else the centre."""
@@ -32,7 +33,7 @@ def add_props(spec: mujoco.MjSpec, carried: Iterable[Carried]) -> None:
         body = spec.worldbody.add_body(name=one.item, mocap=True, pos=[0.0, 0.0, _HIDDEN_Z_M])
 
         def add(body: mujoco.MjsBody = body, **shape: object) -> None:
-            body.add_geom(group=SCENERY_GROUP, contype=0, conaffinity=0, mass=0.0, **shape)
+            body.add_geom(group=SCENERY_GROUP, **NO_CONTACT, **shape)
 
         match one.item:
             case "bag":

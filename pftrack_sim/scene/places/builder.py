@@ -16,16 +16,15 @@ from pftrack_sim.scene.layout import (
     CONTACT_OF_THINGS,
     GROUND,
     HIDDEN_GROUP,
-    SCENERY_GROUP,
     Bounds,
     Footprint,
     WalkableArea,
     edges,
 )
 from pftrack_sim.scene.places.materials import add_material
-from pftrack_sim.scene.places.meshes import Prop, TexturedMesh, merged_by_material
+from pftrack_sim.scene.places.meshes import Prop, merged_by_material
 from pftrack_sim.scene.places.shade import foliage, ground_contact, roof_with_windows
-from pftrack_sim.scene.scene_spec import SceneSpec, add_box
+from pftrack_sim.scene.scene_spec import SceneSpec, add_box, add_mesh_geom
 
 _LEAST_WINDOW_SUN_DEG = 40.0  # A lower sun would meet the walls, not the floor
 _FOLIAGE_M = 7.0  # Height of the foliage that is not seen and casts shadows
@@ -82,7 +81,10 @@ class PlaceBuilder:
         quaternion = [np.cos(0.5 * yaw_rad), 0.0, 0.0, np.sin(0.5 * yaw_rad)]
         body = self.spec.worldbody.add_body(name=name, pos=[x, y, z], quat=quaternion)
         for mesh in merged_by_material(prop):
-            self._add_mesh(body, f"{name}/{mesh.material}", mesh, shadow)
+            part = f"{name}/{mesh.material}"
+            add_material(self.spec, mesh.material)
+            self.spec.add_mesh_file(part, mesh.file)
+            add_mesh_geom(body, part, material=mesh.material, castshadow=shadow)
         if collider is not None:
             half_x, half_y, height = collider
             _add_collider(body, name, collider, 0.5 * height - z)
@@ -187,13 +189,6 @@ class PlaceBuilder:
         left, low, right, high = self.bounds
         self.spec.stat.center = [0.5 * (left + right), 0.5 * (low + high), 1.0]
         return WalkableArea(self.bounds, tuple(self._footprints), tuple(goals))
-
-    def _add_mesh(self, body: mujoco.MjsBody, name: str, mesh: TexturedMesh, casts_shadow: bool) -> None:
-        add_material(self.spec, mesh.material)
-        self.spec.add_mesh_file(name, mesh.file)
-        geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, material=mesh.material)
-        geom.group, geom.contype, geom.conaffinity, geom.mass = SCENERY_GROUP, 0, 0, 0.0
-        geom.castshadow = casts_shadow
 
     def _add_light(
         self, name: str, kind: mujoco.mjtLightType, direction: ArrayLike, rgb: ArrayLike, *, casts_shadow: bool = False

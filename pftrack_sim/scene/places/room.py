@@ -16,7 +16,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.layout import SCENERY_GROUP, WalkableArea
 from pftrack_sim.scene.places.builder import Item, PlaceBuilder
 from pftrack_sim.scene.places.materials import add_skybox
-from pftrack_sim.scene.scene_spec import SceneSpec
+from pftrack_sim.scene.scene_spec import NO_CONTACT, SceneSpec
 
 PREFIX = "room-"
 MOST_TRIANGLES = 400_000
@@ -39,14 +39,10 @@ class Surface(NamedTuple):
 
 
 class Solid(NamedTuple):
-    """A geom of MuJoCo that is no mesh, in the world frame."""
+    """A geom of MuJoCo that is no mesh, by its arguments in the world frame."""
 
     owner: str
-    kind: mujoco.mjtGeom
-    size: list[float]
-    position_m: list[float]
-    quaternion: list[float]
-    surface: str
+    geom: Mapping[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +78,7 @@ def add_room(builder: PlaceBuilder, room: Room) -> WalkableArea:
         builder.add(item)
     for number, solid in enumerate(room.solids):
         body = spec.body(solid.owner) or spec.worldbody.add_body(name=solid.owner)
-        geom = body.add_geom(name=f"{solid.owner}/{number}", type=solid.kind, size=solid.size, material=solid.surface)
-        geom.pos, geom.quat, geom.mass = solid.position_m, solid.quaternion, 0.0
-        geom.group, geom.contype, geom.conaffinity = SCENERY_GROUP, 0, 0
+        body.add_geom(name=f"{solid.owner}/{number}", **solid.geom, group=SCENERY_GROUP, **NO_CONTACT)
     for footprint in room.area.footprints:
         collider = (*footprint.half_m, footprint.height_m)
         builder.add(Item(footprint.name, (), (*footprint.centre_m, 0.0), footprint.yaw_rad, collider))

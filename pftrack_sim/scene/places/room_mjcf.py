@@ -67,9 +67,8 @@ def read_mjcf(place: MjcfPlace) -> Room:
             continue
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, data.geom_xmat[geom])
-        kind = _GEOM(int(model.geom_type[geom]))
-        size, place_m, turn = model.geom_size[geom].tolist(), position.tolist(), quaternion.tolist()
-        solids.append(Solid(owners[geom], kind, size, place_m, turn, name))
+        form = {"type": _GEOM(int(model.geom_type[geom])), "size": model.geom_size[geom].tolist(), "material": name}
+        solids.append(Solid(owners[geom], {**form, "pos": position, "quat": quaternion}))
     items += [Item(owner, tuple(parts)) for owner, parts in meshes.items()]
     return Room(area, tuple(items), tuple(solids), surfaces, _lights(model, data, floor_m))
 

@@ -13,7 +13,7 @@ from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.scenario.clothes import Clothes
 from pftrack_sim.scene.build import add_agents
-from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
+from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_CONAFFINITY, PEOPLE_CONTYPE, PEOPLE_GROUP
 from pftrack_sim.scene.people.anatomy import sample_anatomy
 from pftrack_sim.scene.people.cloth_texture import PIXEL_M, GarmentName, cloth_texture
 from pftrack_sim.scene.people.head_texture import paint_head
@@ -21,8 +21,6 @@ from pftrack_sim.scene.people.mesh import load_profile, lofted_mesh, profile, su
 from pftrack_sim.scene.people.outfit import Garment, Outfit, sample_outfit, similar_outfit
 from pftrack_sim.scene.people.person import (
     PARTS,
-    PEOPLE_CONAFFINITY,
-    PEOPLE_CONTYPE,
     Person,
     add_person,
     part_meshes,
