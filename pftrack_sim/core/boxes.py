@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import BoxError
-from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.core.types import BoolArray, FloatArray, read_only
 
 Box: TypeAlias = FloatArray  # `(4,)` x, y, w, h [px]
 
-NO_BOX: Box = np.full(4, np.nan)
-NO_BOX.setflags(write=False)
+NO_BOX: Box = read_only(np.full(4, np.nan))
 
 
 def checked(box: ArrayLike, *, what: str = "box") -> Box:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, read_only
 
 DISPLAY_GAMMA = 2.2
 """Exponent of the display: luminance is the display-coded value to this power (ITU-R BT.709, approximately sRGB)."""
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-LUMINANCE.setflags(write=False)
+LUMINANCE = read_only(np.array([0.2126, 0.7152, 0.0722]))
 """Weights of linear red, green and blue in luminance (ITU-R BT.709)."""
 
 _RGB_OF_XYZ = np.array(

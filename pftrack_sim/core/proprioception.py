@@ -8,6 +8,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from pftrack_sim.core.types import read_only
+
 RANGE_M, FIELD_DEG, BEAMS = 5.0, 180.0, 37  # Maximum range, field and beams of the range finder by default
 BEAM_HEIGHT_M = 0.2  # Height of its beams above the ground with the robot at rest: shins of people are in it
 
@@ -17,9 +19,8 @@ def beam_angles_rad(field_deg: float, beams: int) -> NDArray[np.float64]:
     return np.deg2rad(np.linspace(-0.5 * field_deg, 0.5 * field_deg, beams))
 
 
-RANGE_ANGLES_RAD: NDArray[np.float64] = beam_angles_rad(FIELD_DEG, BEAMS)
+RANGE_ANGLES_RAD: NDArray[np.float64] = read_only(beam_angles_rad(FIELD_DEG, BEAMS))
 """`(37,)` directions of the beams by default."""
-RANGE_ANGLES_RAD.setflags(write=False)
 
 _LAYOUT: tuple[tuple[str, float], ...] = (
     ("odometry_x_m", 1000.0),
@@ -35,10 +36,10 @@ _LAYOUT: tuple[tuple[str, float], ...] = (
     ("accelerometer_z_m_s2", 160.0),
     ("pan_rad", 2.0 * np.pi),
     ("tilt_rad", np.pi),
-    *((f"range_{index:02d}_m", RANGE_M) for index in range(RANGE_ANGLES_RAD.size)),
 )
+"""Name and upper bound of each entry but the ranges; bounds are those of common sensors."""
 
-PROPRIO_NAMES: tuple[str, ...] = tuple(name for name, _ in _LAYOUT)
+PROPRIO_NAMES: tuple[str, ...] = (*(name for name, _ in _LAYOUT), *(f"range_{index:02d}_m" for index in range(BEAMS)))
 """Names of the entries, in order.
 
 * odometry: pose by wheel odometry, in the frame of the start (x forward, y left, heading in [-pi, pi]
@@ -54,13 +55,9 @@ PROPRIO_NAMES: tuple[str, ...] = tuple(name for name, _ in _LAYOUT)
 PROPRIO_INDEX: Mapping[str, int] = MappingProxyType({name: index for index, name in enumerate(PROPRIO_NAMES)})
 """Index of each entry."""
 
-RANGES = slice(len(PROPRIO_NAMES) - BEAMS, None)  # Slice of the range finder's entries
-
-PROPRIO_HIGH: NDArray[np.float32] = np.array([high for _, high in _LAYOUT], dtype=np.float32)
-"""`(n,)` upper bound of each entry; -PROPRIO_HIGH is the lower bound. Ranges of common sensors."""
-PROPRIO_HIGH.setflags(write=False)
+RANGES = slice(len(_LAYOUT), None)  # Slice of the range finder's entries
 
 
 def proprio_high(beams: int, range_m: float) -> NDArray[np.float32]:
-    """`PROPRIO_HIGH` of a robot with another range finder."""
-    return np.append(PROPRIO_HIGH[: RANGES.start], np.full(beams, range_m, dtype=np.float32))
+    """`(n,)` upper bound of each entry; its negative is the lower bound."""
+    return np.array([*(high for _, high in _LAYOUT), *[range_m] * beams], dtype=np.float32)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim.core.boxes import Box, checked, numbers_in
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.text import one_line
+from pftrack_sim.core.types import read_only
 
 Image: TypeAlias = NDArray[np.uint8]  # `(H, W, 3)` RGB
 
@@ -32,8 +33,7 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> NDA
     array = np.array(values, dtype=np.float64)
     if shape is not None and array.shape != shape:
         raise ParameterError(f"expected an array of shape {shape}, got {array.shape}")
-    array.setflags(write=False)
-    return array
+    return read_only(array)
 
 
 def _numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
@@ -222,17 +222,14 @@ class Estimate:
     particles: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        box = checked(self.box, what="estimated box")
-        box.setflags(write=False)
-        object.__setattr__(self, "box", box)
+        object.__setattr__(self, "box", read_only(checked(self.box, what="estimated box")))
         if not 0.0 <= self.confidence <= 1.0:
             raise ParameterError(f"confidence must be in [0, 1], got {self.confidence}")
         if self.particles is not None:
             particles = _numbers(self.particles, "particles")
             if particles.ndim != 2 or particles.shape[1] != 4:
                 raise ParameterError(f"particles must have shape (N, 4), got {particles.shape}")
-            particles.setflags(write=False)
-            object.__setattr__(self, "particles", particles)
+            object.__setattr__(self, "particles", read_only(particles))
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,8 +256,8 @@ class Detections(_ArrayRecord):
             raise ParameterError("the boxes of detections must be finite, with a width and height >= 0")
         if not ((scores >= 0.0) & (scores <= 1.0)).all():
             raise ParameterError("the scores of detections must be in [0, 1]")
-        object.__setattr__(self, "boxes", frozen_array(boxes))
-        object.__setattr__(self, "scores", frozen_array(scores))
+        object.__setattr__(self, "boxes", read_only(boxes))
+        object.__setattr__(self, "scores", read_only(scores))
 
     def __len__(self) -> int:
         return len(self.scores)
@@ -289,9 +286,8 @@ class TrackedBoxes(_ArrayRecord):
             )
         if not np.isfinite(boxes).all() or len(np.unique(identities)) < len(identities):
             raise ParameterError("tracks need finite boxes, and an identity of its own for each")
-        identities.setflags(write=False)
-        object.__setattr__(self, "boxes", frozen_array(boxes))
-        object.__setattr__(self, "identities", identities)
+        object.__setattr__(self, "boxes", read_only(boxes))
+        object.__setattr__(self, "identities", read_only(identities))
 
     def __len__(self) -> int:
         return len(self.identities)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.core.types import FloatArray, IntArray
+from pftrack_sim.core.types import FloatArray, IntArray, read_only
 
 _UNSET_RGBA = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
 
@@ -51,6 +51,4 @@ def texels(image: NDArray[Any]) -> NDArray[np.uint8]:
     pixels = np.asarray(image, dtype=np.uint8)
     pixels = pixels[..., :3] if pixels.shape[-1] >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
     step = -(-pixels.shape[1] // 2048)
-    pixels = np.ascontiguousarray(pixels[::step, ::step])
-    pixels.setflags(write=False)
-    return pixels
+    return read_only(np.ascontiguousarray(pixels[::step, ::step]))

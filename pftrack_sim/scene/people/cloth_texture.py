@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.core.records import Image
-from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.core.types import BoolArray, FloatArray, read_only
 from pftrack_sim.scene.people.anatomy import Colour
 from pftrack_sim.scene.people.outfit import Garment, Outfit, Pattern
 
@@ -43,26 +43,20 @@ def cloth_texture(outfit: Outfit, name: GarmentName) -> Image:
         shares = np.broadcast_to(shares * (garment.pattern != "print"), shading.shape).copy()
         shares[:, middle][seam < 0.0] = 1.0
     dyed = (colour + (accent - colour) * shares.astype(np.float32)) * shading
-    match cut:
-        case "open":
-            dyed[..., middle][:, np.abs(_seam()) < 2.5] *= 0.62
-        case "jacket":
-            dyed[..., np.abs(around) < 1.6] *= 0.62
-        case "hood":
-            dyed[..., middle][:, np.abs(_pocket()) < 1.5] *= 0.72
-        case _:
-            pass
+    if cut == "open":
+        dyed[..., middle][:, np.abs(_seam()) < 2.5] *= 0.62
+    elif cut == "jacket":
+        dyed[..., np.abs(around) < 1.6] *= 0.62
+    elif cut == "hood":
+        dyed[..., middle][:, np.abs(_pocket()) < 1.5] *= 0.72
     image = np.asarray(cv2.convertScaleAbs(cv2.merge([*dyed])), np.uint8)
-    match cut:
-        case "shoes":
-            image[int(0.80 * height) :] = garment.accent
-            _sew(image, (down < 0.5 * height) & (down % 7 < 2), np.abs(around) < 9, 0.6, (210, 208, 202))  # laces
-        case "jacket":
-            _sew(image, (down % 34 < 4.4) & (down > 6), np.abs(around - 5.0) < 2.2, 0.5, (215, 212, 204))
-        case "hood":
-            _sew(image, (down > 20) & (down < 62), np.abs(np.abs(around) - 13.0) < 1.6, 0.6, (225, 222, 214))  # cords
-        case _:
-            pass
+    if cut == "shoes":
+        image[int(0.80 * height) :] = garment.accent
+        _sew(image, (down < 0.5 * height) & (down % 7 < 2), np.abs(around) < 9, 0.6, (210, 208, 202))  # laces
+    elif cut == "jacket":
+        _sew(image, (down % 34 < 4.4) & (down > 6), np.abs(around - 5.0) < 2.2, 0.5, (215, 212, 204))
+    elif cut == "hood":
+        _sew(image, (down > 20) & (down < 62), np.abs(np.abs(around) - 13.0) < 1.6, 0.6, (225, 222, 214))  # cords
     return image
 
 
@@ -108,8 +102,7 @@ def _shading(name: GarmentName, seed: int) -> NDArray[np.float32]:
         case "shoes":
             shading[int(0.78 * height) : int(0.80 * height)] *= 0.6
     shading /= shading[5:-5].mean()
-    shading.setflags(write=False)
-    return shading
+    return read_only(shading)
 
 
 def _folds(name: GarmentName, seed: int) -> NDArray[np.float32]:

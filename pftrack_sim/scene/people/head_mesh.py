@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from pftrack_sim.core.data_files import asset_table
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, read_only
 from pftrack_sim.scene.people.anatomy import Anatomy, HairStyle
 from pftrack_sim.scene.people.head_texture import HEAD_SIZE, hairline, texture_row
 from pftrack_sim.scene.people.mesh import (
@@ -19,13 +19,14 @@ from pftrack_sim.scene.people.mesh import (
     merged,
     profile,
     ring_angles,
+    superellipse,
     superellipse_rings,
 )
 from pftrack_sim.scene.people.texture_atlas import CAP, HAIR, HEAD, SKIN, region_mesh
 
 _CROWN_Z = 0.160
 _RING_POINTS = 16
-_SKULL = load_profile("skull")
+_SKULL, _SKULL_POWER = load_profile("skull"), 2.15
 _NOSE = {5: 0.0135, 6: 0.0085}  # offset of the front vertex, by ring
 _EYE_RING = 7
 _UNEVEN = 0.22  # Standard deviation of the thickness of hair, as a share of it
@@ -43,12 +44,12 @@ def _unscaled(style: HairStyle) -> TriangleMesh:
     """A head with this hair; read-only."""
     mesh = merged([_skull(), _ear(-1.0), _ear(1.0), *_hair(style)])
     for array in (mesh.vertices, mesh.normals, mesh.pixels, mesh.faces, *mesh.coarse):
-        array.setflags(write=False)
+        read_only(array)
     return mesh
 
 
 def _skull() -> TriangleMesh:
-    rings = superellipse_rings(_SKULL, _RING_POINTS, power=2.15)
+    rings = superellipse_rings(_SKULL, _RING_POINTS, power=_SKULL_POWER)
     front = _RING_POINTS // 2
     for ring, length in _NOSE.items():
         rings[ring, front, 0] += length
@@ -107,9 +108,7 @@ def _scalp_cover(style: HairStyle, shape: Mapping[str, float]) -> TriangleMesh:
 def _skull_points(angle: FloatArray, z: FloatArray) -> FloatArray:
     """`(..., 3)` points of the skull without the nose, by direction [rad] and height [statures]."""
     centre, front, back, side = (np.interp(z, _SKULL[:, 0], _SKULL[:, column]) for column in (1, 3, 4, 5))
-    cos, sin = np.cos(angle), np.sin(angle)
-    x = np.sign(cos) * np.abs(cos) ** (2 / 2.15)
-    y = np.sign(sin) * np.abs(sin) ** (2 / 2.15)
+    x, y = superellipse(angle, _SKULL_POWER)
     return np.stack([centre + np.where(x > 0, front, back) * x, side * y, z], axis=-1)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.records import Image
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, read_only
 from pftrack_sim.scene.people.anatomy import Anatomy, HairStyle
 
 HEAD_SIZE = (112, 256)  # height and width of the texture [px]
@@ -88,7 +88,7 @@ def _complexion() -> NDArray[np.float32]:
         around = (angle - at) / size_angle
         share = strength * np.exp(-(down**2) - around**2)
         factors += (np.reshape(tint, (3, 1, 1)) - factors) * share
-    return _frozen(factors)
+    return read_only(factors.astype(np.float32))
 
 
 @cache
@@ -111,13 +111,7 @@ def _scalp(style: HairStyle) -> NDArray[np.float32]:
 
 def _upper_rows(share: FloatArray) -> NDArray[np.float32]:
     """The rows of a `(H, W)` share down to the last in which it is not zero, `(h, W)`; read-only."""
-    return _frozen(share[: int(np.flatnonzero(share.any(axis=1))[-1]) + 1])
-
-
-def _frozen(array: FloatArray) -> NDArray[np.float32]:
-    frozen = array.astype(np.float32)
-    frozen.setflags(write=False)
-    return frozen
+    return read_only(share[: int(np.flatnonzero(share.any(axis=1))[-1]) + 1].astype(np.float32))
 
 
 def _canvas_pixel(angle: float, z: float) -> tuple[int, int]:

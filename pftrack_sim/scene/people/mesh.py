@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.core.data_files import asset_table
-from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray, read_only
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,14 +77,15 @@ def superellipse_rings(table: FloatArray, count: int, *, power: float = 2.0) -> 
 
 @cache
 def _superellipse(count: int, power: float) -> tuple[FloatArray, FloatArray]:
-    """`(count,)` coordinates forward and sideward of the points of a superellipse with half-axes 1; read-only."""
-    angle = ring_angles(count)
+    """`superellipse` at `ring_angles`; read-only."""
+    forward, sideward = superellipse(ring_angles(count), power)
+    return read_only(forward), read_only(sideward)
+
+
+def superellipse(angle: FloatArray, power: float) -> tuple[FloatArray, FloatArray]:
+    """Coordinates forward and sideward of points of a superellipse with half-axes 1, by their directions [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
-    forward = np.sign(cos) * np.abs(cos) ** (2.0 / power)
-    sideward = np.sign(sin) * np.abs(sin) ** (2.0 / power)
-    for array in (forward, sideward):
-        array.setflags(write=False)
-    return forward, sideward
+    return np.sign(cos) * np.abs(cos) ** (2.0 / power), np.sign(sin) * np.abs(sin) ** (2.0 / power)
 
 
 def lofted_mesh(rings: FloatArray, pixels: FloatArray) -> TriangleMesh:
@@ -148,9 +149,7 @@ def _faces(count: int, is_pole: tuple[bool, ...]) -> tuple[NDArray[np.int32], tu
 def _triangles(grid: NDArray[np.int32], wide: BoolArray) -> NDArray[np.int32]:
     a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
     lower, upper = np.stack([a, b, c], axis=-1)[wide[:-1]], np.stack([a, c, d], axis=-1)[wide[1:]]
-    faces = np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)])
-    faces.setflags(write=False)
-    return faces
+    return read_only(np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)]))
 
 
 def merged(meshes: Sequence[TriangleMesh]) -> TriangleMesh:

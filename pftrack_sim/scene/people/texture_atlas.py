@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, read_only
 from pftrack_sim.scene.people.anatomy import Anatomy, Colour
 from pftrack_sim.scene.people.cloth_texture import PIXEL_M, cloth_texture
 from pftrack_sim.scene.people.head_texture import HEAD_SIZE, paint_head
@@ -74,8 +74,7 @@ def _streaks() -> tuple[FloatArray, float]:
     """`(h, w)` noise that is stretched along the hair, read-only, and its standard deviation."""
     noise = np.random.default_rng(5).normal(size=(HAIR.height, HAIR.width))
     streaks = np.asarray(cv2.GaussianBlur(noise, (0, 0), sigmaX=0.8, sigmaY=7.0), dtype=np.float64)
-    streaks.setflags(write=False)
-    return streaks, float(streaks.std())
+    return read_only(streaks), float(streaks.std())
 
 
 def cloth_mesh(

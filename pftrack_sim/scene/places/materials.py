@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.core.data_files import asset_table, assets_dir
 from pftrack_sim.core.errors import PftrackError
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, read_only
 from pftrack_sim.scene.layout import SKY
 from pftrack_sim.scene.scene_spec import SceneSpec
 
@@ -124,6 +124,4 @@ def read_image(name: str) -> NDArray[np.uint8]:
     image = cv2.imread(str(path), cv2.IMREAD_COLOR_RGB)
     if image is None:
         raise PftrackError(f"texture {name!r} cannot be read from {path}: the installation is incomplete")
-    pixels = np.ascontiguousarray(image, dtype=np.uint8)
-    pixels.setflags(write=False)
-    return pixels
+    return read_only(np.ascontiguousarray(image, dtype=np.uint8))

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, read_only
 from pftrack_sim.scene.places.materials import Texture
 from pftrack_sim.scene.scene_spec import mesh_file
 
@@ -74,16 +74,11 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-def _frozen(array: FloatArray) -> FloatArray:
-    array.setflags(write=False)
-    return array
-
-
 @cache
 def _grid_points(columns: int, rows: int) -> FloatArray:
     """`((columns + 1) (rows + 1), 2)` corners of the cells of the unit square; read-only."""
     u, v = np.meshgrid(np.linspace(0.0, 1.0, columns + 1), np.linspace(0.0, 1.0, rows + 1))
-    return _frozen(np.column_stack([u.ravel(), v.ravel()]))
+    return read_only(np.column_stack([u.ravel(), v.ravel()]))
 
 
 @cache
@@ -237,7 +232,7 @@ def _sphere(segments: int) -> FloatArray:
         np.linspace(0.0, 2.0 * np.pi, segments + 1), np.linspace(-0.5 * np.pi, 0.5 * np.pi, rings + 1)
     )
     level = np.cos(elevation)
-    return _frozen(np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1))
+    return read_only(np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1))
 
 
 def loft(texture: Texture, sections: Sequence[tuple[float, float, float, float, float]]) -> TexturedMesh:
@@ -314,7 +309,7 @@ def merged_by_material(meshes: Iterable[TexturedMesh], *, frozen: bool = False) 
     merged = tuple(_merged(group) for group in groups.values())
     if frozen:
         for array in (array for mesh in merged for array in (mesh.vertices, mesh.normals, mesh.uv, mesh.faces)):
-            array.setflags(write=False)
+            read_only(array)
     return merged
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from pftrack_sim.agents.robot.drive import ACCELERATION
 from pftrack_sim.agents.robot.steering import Steering
-from pftrack_sim.core.proprioception import PROPRIO_HIGH, PROPRIO_INDEX, PROPRIO_NAMES
+from pftrack_sim.core.proprioception import BEAMS, PROPRIO_INDEX, PROPRIO_NAMES, RANGE_M, proprio_high
 from pftrack_sim.scenario.robot import Robot, StillRoute
 
 TICK_S = 1.0 / 60.0
@@ -149,7 +149,7 @@ def test_proprioception_agrees_with_the_motion(lab: Callable):
     world = lab(mount="left", tilt_deg=5.0)
     at = PROPRIO_INDEX
     rest = world.drive.proprio(world.data)
-    assert rest.shape == PROPRIO_HIGH.shape == (len(PROPRIO_NAMES),)
+    assert rest.shape == proprio_high(BEAMS, RANGE_M).shape == (len(PROPRIO_NAMES),)
     assert rest.dtype == np.float32
     assert rest[at["accelerometer_z_m_s2"]] == pytest.approx(9.81, abs=0.01)
     assert rest[at["pan_rad"]] == pytest.approx(math.pi / 2, abs=1e-3)
@@ -168,7 +168,7 @@ def test_proprioception_agrees_with_the_motion(lab: Callable):
     start = np.array([[math.cos(1.0), math.sin(1.0)], [-math.sin(1.0), math.cos(1.0)]]) @ np.array([x - 4.0, y - 4.0])
     assert abs(measured[:2] - start).max() < 0.1
     assert abs(math.remainder(float(measured[2]) - (heading - 1.0), 2 * math.pi)) < 0.05
-    assert (np.abs(measured) <= PROPRIO_HIGH).all()
+    assert (np.abs(measured) <= proprio_high(BEAMS, RANGE_M)).all()
 
 
 def test_a_collision_names_what_is_touched(lab: Callable):
