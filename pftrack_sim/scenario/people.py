@@ -143,16 +143,6 @@ def end_s(action: Action) -> float:
     return action.at_s + action.duration_s
 
 
-def overlap_problem(actions: tuple[Action, ...]) -> str | None:
-    """What is wrong with the times of these actions; None if each ends before the next begins."""
-    order = sorted(range(len(actions)), key=lambda index: actions[index].at_s)
-    for first, second in itertools.pairwise(order):
-        if end_s(actions[first]) > actions[second].at_s:
-            pair = " and ".join(title(index, actions[index]) for index in (first, second))
-            return f"actions must not overlap, got {pair}"
-    return None
-
-
 def title(index: int, action: Action) -> str:
     """Position in the list, kind and times of an action, for messages."""
     return f"actions.{index} ({action.kind}, {action.at_s:g} to {end_s(action):g} s)"
@@ -199,35 +189,6 @@ def grips_s(carried: Carried, actions: Sequence[Action]) -> list[tuple[float, bo
             # Half way between having gone down and rising.
             times.append((0.5 * (action.at_s + 1.7 + end_s(action) - 1.1), action.picks_up == carried.item))
     return sorted(times)
-
-
-def carrying_problem(carries: Sequence[Carried], actions: Sequence[Action]) -> str | None:
-    """What is wrong with the things carried; None if all can be held, picked up and put down as asked."""
-    items: list[Item] = [one.item for one in carries]
-    if len(set(items)) < len(items):
-        return f"carries must be different items, got {', '.join(items)}"
-    busy = [hand for item in items for hand in _HANDS[item]]
-    if len(set(busy)) < len(busy):
-        needs = "a box needs both hands, a bag the left, an umbrella the right"
-        return f"carries need more than two hands: {', '.join(items)} ({needs})"
-    held = {one.item: one.from_start for one in carries}
-    for action in sorted(actions, key=lambda one: one.at_s):
-        if isinstance(action, Lowering):
-            for item, taken in ((action.puts_down, False), (action.picks_up, True)):
-                if item is None:
-                    continue
-                if item not in held or held[item] is taken:
-                    verb = "picks up" if taken else "puts down"
-                    known = "none" if not items else ", ".join(items)
-                    return (
-                        f"the {action.kind} at {action.at_s:g} s {verb} {item!r}: it must be in carries "
-                        f"(got {known}), {'not ' if taken else ''}carried by then"
-                    )
-                held[item] = taken
-    never = [one.item for one in carries if not one.from_start and not grips_s(one, actions)]
-    if never:
-        return f"{never[0]!r} is not carried from the start: a bend or crouch must pick it up (picks_up = {never[0]!r})"
-    return None
 
 
 MAX_PATH_M = 2000.0
@@ -344,38 +305,70 @@ class Target(Section):
         return self
 
     @model_validator(mode="after")
-    def _actions_are_possible(self) -> Target:
-        problem = overlap_problem(self.actions) or carrying_problem(self.carries, self.actions)
-        sits = [title(index, one) for index, one in enumerate(self.actions) if isinstance(one, Sit)]
-        tall = [*sits, *("carrying a bag" for one in self.carries if one.item == "bag")]
-        if not problem and tall and self.height_m < _BENCH_M:
-            problem = f"{tall[0]} needs a height_m of {_BENCH_M} or more, got {self.height_m:g}"
-        problem = problem or self._riding_problem()
-        if problem:
-            raise ValueError(problem)
+    def _actions_do_not_overlap(self) -> Target:
+        order = sorted(enumerate(self.actions), key=lambda one: one[1].at_s)
+        for first, second in itertools.pairwise(order):
+            if end_s(first[1]) > second[1].at_s:
+                raise ValueError(f"actions must not overlap, got {title(*first)} and {title(*second)}")
         return self
 
-    def _riding_problem(self) -> str | None:
+    @model_validator(mode="after")
+    def _hands_are_free(self) -> Target:
+        items: list[Item] = [one.item for one in self.carries]
+        if len(set(items)) < len(items):
+            raise ValueError(f"carries must be different items, got {', '.join(items)}")
+        busy = [hand for item in items for hand in _HANDS[item]]
+        if len(set(busy)) < len(busy):
+            needs = "a box needs both hands, a bag the left, an umbrella the right"
+            raise ValueError(f"carries need more than two hands: {', '.join(items)} ({needs})")
+        held = {one.item: one.from_start for one in self.carries}
+        lowerings = sorted((one for one in self.actions if isinstance(one, Lowering)), key=lambda one: one.at_s)
+        for action, taken in itertools.product(lowerings, (False, True)):
+            item = action.picks_up if taken else action.puts_down
+            if item is None:
+                continue
+            if held.get(item, taken) is taken:
+                raise ValueError(
+                    f"the {action.kind} at {action.at_s:g} s {'picks up' if taken else 'puts down'} {item!r}: it must "
+                    f"be in carries (got {', '.join(items) or 'none'}), {'not ' if taken else ''}carried by then"
+                )
+            held[item] = taken
+        never = [one.item for one in self.carries if not one.from_start and not grips_s(one, self.actions)]
+        if never:
+            why = f"a bend or crouch must pick it up (picks_up = {never[0]!r})"
+            raise ValueError(f"{never[0]!r} is not carried from the start: {why}")
+        return self
+
+    @model_validator(mode="after")
+    def _tall_enough(self) -> Target:
+        sits = [title(index, one) for index, one in enumerate(self.actions) if isinstance(one, Sit)]
+        tall = [*sits, *("carrying a bag" for one in self.carries if one.item == "bag")]
+        if tall and self.height_m < _BENCH_M:
+            raise ValueError(f"{tall[0]} needs a height_m of {_BENCH_M} or more, got {self.height_m:g}")
+        return self
+
+    @model_validator(mode="after")
+    def _rides_or_pushes(self) -> Target:
         if self.uses is None:
-            return None
+            return self
         if self.thing is not None:
-            return f"uses = {self.uses!r} needs a person, and the target is a thing ({self.thing.name!r})"
+            raise ValueError(f"uses = {self.uses!r} needs a person, and the target is a thing ({self.thing.name!r})")
         for one in self.carries:
             if one.item != "backpack":
-                return f"uses = {self.uses!r} needs both hands: carries {one.item!r}"
+                raise ValueError(f"uses = {self.uses!r} needs both hands: carries {one.item!r}")
             if self.uses == "wheelchair":
-                return f"uses = {self.uses!r} has a back where carries {one.item!r} would be"
+                raise ValueError(f"uses = {self.uses!r} has a back where carries {one.item!r} would be")
         with_it = self.uses if self.uses == "crutches" else f"a {self.uses}"
         for index, one in enumerate(self.actions):
             if one.kind not in ABLE[self.uses]:
                 able = ", ".join(sorted(ABLE[self.uses]))
-                return f"{title(index, one)} is not possible with {with_it} (possible: {able})"
+                raise ValueError(f"{title(index, one)} is not possible with {with_it} (possible: {able})")
         paces = {f"{title(index, one)}: ": one for index, one in enumerate(self.actions) if isinstance(one, Pace)}
         for where, one in {"": self, **paces}.items():
             if one.speed_m_s > TOP_SPEED_M_S.get(self.uses, math.inf):
                 most = f"at most {TOP_SPEED_M_S[self.uses]:g} ({USUAL_SPEED_M_S[self.uses]:g} is usual)"
-                return f"{where}uses = {self.uses!r} needs a speed_m_s of {most}, got {one.speed_m_s:g}"
-        return None
+                raise ValueError(f"{where}uses = {self.uses!r} needs a speed_m_s of {most}, got {one.speed_m_s:g}")
+        return self
 
 
 class FurtherTarget(Section):
@@ -398,14 +391,7 @@ class FurtherTarget(Section):
     @property
     def person(self) -> Target:
         """The person as a target is described."""
-        return Target(
-            path_m=self.path_m,
-            speed_m_s=self.speed_m_s,
-            height_m=self.height_m,
-            uses=self.uses,
-            clothes=self.clothes,
-            actions=self.actions,
-        )
+        return Target(**{key: value for key, value in self if key != "name"})
 
     @model_validator(mode="after")
     def _can_be_walked(self) -> FurtherTarget:
