@@ -35,14 +35,13 @@ def problems(error: ValidationError, tree: Tree, schema: dict[str, Any] | None =
             )
         elif kind == "missing":
             yield f"{dotted(path)}: required key is missing"
-        elif kind == "literal_error":
-            allowed = [word.strip("' ") for word in str(context["expected"]).replace(" or ", ", ").split(", ")]
+        elif kind in ("literal_error", "union_tag_invalid"):
+            if kind == "union_tag_invalid":
+                path, given = (*path, "kind"), context["tag"]
+            words = str(context.get("expected_tags") or context["expected"]).replace(" or ", ", ")
+            allowed = [word.strip("' ") for word in words.split(", ")]
             near = did_you_mean(str(given), allowed)
             yield f"{dotted(path)}: got {_short(given)}{near} (allowed: {', '.join(allowed)})"
-        elif kind == "union_tag_invalid":
-            allowed = [word.strip("' ") for word in str(context["expected_tags"]).split(", ")]
-            tag = context["tag"]
-            yield f"{dotted(path)}.kind: got {tag!r}{did_you_mean(str(tag), allowed)} (allowed: {', '.join(allowed)})"
         elif kind == "union_tag_not_found":
             yield f"{dotted(path)}.kind: required key is missing (it selects the kind of this table)"
         else:

@@ -13,7 +13,7 @@ from pftrack_sim.scenario.camera import Camera
 from pftrack_sim.scenario.robot import Robot
 from pftrack_sim.scene.robot_file.fitting import add_fitted, fit
 from pftrack_sim.scene.robot_file.motorised import add_motorised, mast_of
-from pftrack_sim.scene.robot_file.roles import Roles
+from pftrack_sim.scene.robot_file.roles import Roles, ancestors
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 PREFIX = "robot/"
@@ -75,9 +75,7 @@ def fitted_settings(settings: ResolvedScenario) -> ResolvedScenario:
 
 def mount(model: mujoco.MjModel) -> list[int]:
     """Bodies that carry the camera and shake with it: those above the base, or the base where it has none."""
-    bodies = [int(model.cam_bodyid[model.camera(CAMERA).id])]
-    while model.body_parentid[bodies[-1]] > 0:
-        bodies.append(int(model.body_parentid[bodies[-1]]))
+    bodies = ancestors(model, int(model.cam_bodyid[model.camera(CAMERA).id]))
     return bodies[:-1] or bodies
 
 

@@ -79,8 +79,7 @@ def _read(path: Path) -> tuple[Grid, Grid]:
     pixels = _pixels(path.parent / image)
     if max(pixels.shape) * cell > MOST_M:
         raise ParameterError(f"the map is {max(pixels.shape) * cell:.0f} m long, at most {MOST_M:g} m")
-    negate = storage.getNode("negate")
-    dark = pixels / 255.0 if not negate.empty() and negate.real() else 1.0 - pixels / 255.0
+    dark = pixels / 255.0 if storage.getNode("negate").real() else 1.0 - pixels / 255.0
     occupied, free = (
         storage.getNode(key).real() if not storage.getNode(key).empty() else default
         for key, default in (("occupied_thresh", 0.65), ("free_thresh", 0.25))

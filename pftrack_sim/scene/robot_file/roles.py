@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import mujoco
@@ -26,10 +26,10 @@ _LINK = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # Axes 
 
 @dataclass(frozen=True)
 class Roles:
-    """What a scenario says about a robot's file."""
+    """What a scenario says about a robot's file, by the keys of its table."""
 
     model: str
-    digest: str
+    model_digest: str
     camera_site: str | None
     camera_rpy_deg: tuple[float, float, float] | None
     drive: str
@@ -43,16 +43,9 @@ class Roles:
         """Those of a scenario; without a file, those of the robot that ships."""
         if robot.model is None:
             robot = robot.model_copy(update={"model": str(assets_dir() / "robot.xml"), "drive": "motors"})
-        keys = (
-            robot.camera_site,
-            robot.camera_rpy_deg,
-            robot.drive,
-            robot.wheels,
-            robot.pan,
-            robot.tilt,
-            tuple(sorted(robot.pose_deg.items())),
-        )
-        return cls(str(robot.model), robot.model_digest, *keys)
+        own: dict[str, Any] = {one.name: getattr(robot, one.name) for one in fields(cls)}
+        own["pose_deg"] = tuple(sorted(robot.pose_deg.items()))
+        return cls(**own)
 
     @property
     def motorised(self) -> bool:
