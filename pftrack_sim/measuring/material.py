@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pftrack_sim.camera.pinhole import intrinsics
-from pftrack_sim.core.calibration import read_calibration
+from pftrack_sim.core.calibration import Calibration, read_calibration
 from pftrack_sim.core.errors import ParameterError, SequenceError
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats.images import SUFFIXES, ImageFiles, Images, numbered_images, video, video_times
@@ -43,28 +43,6 @@ class Material:
     def step_s(self) -> float:
         """Usual time from frame to frame."""
         return float(np.median(np.diff(self.times_s)))
-
-
-@dataclass(frozen=True, eq=False)
-class CameraModel:
-    """Intrinsics of the camera.
-
-    Attributes:
-        K: `(3, 3)` camera matrix [px].
-        distortion: OpenCV's coefficients.
-        equidistant: Whether they are those of `cv2.fisheye`.
-        focal_share: Least and greatest focal length, as shares of that in `K`.
-    """
-
-    K: FloatArray
-    distortion: FloatArray
-    focal_share: tuple[float, float] = (1.0, 1.0)
-    equidistant: bool = False
-
-    @property
-    def known(self) -> bool:
-        """Whether the focal length is known."""
-        return self.focal_share == (1.0, 1.0)
 
 
 def read_material(path: Path, rate_hz: float | None = None) -> Material:
@@ -105,8 +83,10 @@ def read_material(path: Path, rate_hz: float | None = None) -> Material:
     return found
 
 
-def camera_of(size_px: tuple[int, int], fovy_deg: float | None, calibration: Path | None) -> CameraModel:
-    """The camera of images of a width and height.
+def camera_of(
+    size_px: tuple[int, int], fovy_deg: float | None, calibration: Path | None
+) -> tuple[Calibration, tuple[float, float]]:
+    """The camera of images of a width and height; least and greatest focal length, as shares of that in its `K`.
 
     Args:
         size_px: Width and height.
@@ -118,16 +98,12 @@ def camera_of(size_px: tuple[int, int], fovy_deg: float | None, calibration: Pat
     """
     width, height = size_px
     if calibration is not None:
-        return _calibrated(calibration, size_px)
-    if fovy_deg is not None:
-        return CameraModel(intrinsics(width, height, np.radians(fovy_deg)), np.zeros(5))
-    low, middle, high = (intrinsics(width, height, np.radians(one)) for one in _FOVY_DEG)
-    return CameraModel(middle, np.zeros(5), (high[0, 0] / middle[0, 0], low[0, 0] / middle[0, 0]))
-
-
-def _calibrated(path: Path, size_px: tuple[int, int]) -> CameraModel:
-    found = read_calibration(path)
-    if found.size_px not in (None, size_px):
-        width, height = found.size_px
-        raise ParameterError(f"{path}: is of images of {width}x{height}, these have {size_px[0]}x{size_px[1]}")
-    return CameraModel(found.K, found.distortion, equidistant=found.equidistant)
+        found = read_calibration(calibration)
+        if found.size_px not in (None, size_px):
+            told = "{}x{}".format(*found.size_px)
+            raise ParameterError(f"{calibration}: is of images of {told}, these have {width}x{height}")
+        return found, (1.0, 1.0)
+    fovys_deg = _FOVY_DEG if fovy_deg is None else (fovy_deg,) * 3
+    low, middle, high = (intrinsics(width, height, np.radians(one)) for one in fovys_deg)
+    shares = high[0, 0] / middle[0, 0], low[0, 0] / middle[0, 0]
+    return Calibration(middle, np.zeros(5), size_px, ""), shares

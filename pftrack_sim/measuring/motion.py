@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pftrack_sim.core.calibration import Calibration
 from pftrack_sim.core.photometry import DISPLAY_GAMMA
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
@@ -68,14 +69,12 @@ class MotionMeter:
     """Measures the rotation between successive images.
 
     Args:
-        K: `(3, 3)` camera matrix [px].
-        distortion: OpenCV's coefficients; empty for none.
-        equidistant: Whether they are those of `cv2.fisheye`.
+        camera: Camera that takes them.
     """
 
-    def __init__(self, K: FloatArray, distortion: FloatArray, equidistant: bool = False) -> None:
-        self._K, self._distortion = K, distortion
-        self._undistort = cv2.fisheye.undistortPoints if equidistant else cv2.undistortPoints
+    def __init__(self, camera: Calibration) -> None:
+        self._K, self._distortion = camera.K, camera.distortion
+        self._undistort = cv2.fisheye.undistortPoints if camera.equidistant else cv2.undistortPoints
         self._rng = np.random.default_rng(0)
         self._shift = CameraMotion(certainty_min=0.2)
         self._grey: NDArray[np.uint8] | None = None

@@ -43,8 +43,8 @@ def measure_video(
     """
     first = material.images.read(0)
     height, width = first.shape[:2]
-    camera = camera_of((width, height), fovy_deg, calibration)
-    meter = MotionMeter(camera.K, camera.distortion, camera.equidistant)
+    camera, focal_share = camera_of((width, height), fovy_deg, calibration)
+    meter = MotionMeter(camera)
     noise = NoiseMeter(material.images)
     steps: list[Step] = []
     for index in range(len(material.images)):
@@ -57,10 +57,8 @@ def measure_video(
     quantities, doubts = measure_stream(material, steps)
     left_out: dict[str, str] = {}
     pixel_deg = math.degrees(1.0 / float(camera.K[0, 0]))
-    encoded = not isinstance(material.images, ImageFiles)
-    systematic = (
-        Systematic(camera.focal_share, _FROZEN_PX * pixel_deg, _SHRUNK) if encoded else Systematic(camera.focal_share)
-    )
+    lossy = {} if isinstance(material.images, ImageFiles) else {"frozen_deg": _FROZEN_PX * pixel_deg, "shrunk": _SHRUNK}
+    systematic = Systematic(focal_share, **lossy)
     measures: dict[str, Callable[[], list[Quantity]]] = {
         "jitter": lambda: measure_jitter(steps, material.times_s, systematic),
         "light": lambda: measure_light(steps, material.times_s, doubts),
@@ -73,7 +71,7 @@ def measure_video(
             quantities += measure()
         except Untold as reason:
             left_out[name] = str(reason)
-    if not camera.known:
+    if focal_share != (1.0, 1.0):
         doubts.append(
             "the field of view is not known: 40 to 62 degrees from top to bottom widen the intervals; see --fovy-deg"
         )

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pftrack_sim import scenario
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES
 from pftrack_sim.core.records import Frame, Truth
@@ -13,7 +12,7 @@ from pftrack_sim.logs import LogFrame, LogInfo, log_format, log_writer
 from pftrack_sim.measuring.imu import measure_imu
 from pftrack_sim.measuring.imu_log import read_imu
 from pftrack_sim.measuring.measured import Measured
-from tests.measuring.test_measure import as_tree, shake, value_of
+from tests.measuring.test_measure import axes_of, shake, value_of
 
 RATE_HZ, RMS_DEG = 100.0, 0.5
 HEADS = (
@@ -47,7 +46,7 @@ def test_a_gyroscope_tells_the_shake_of_a_scenario(tmp_path: Path):
         one = value_of(found, name)
         assert abs(one.value / rms - 1.0) < 0.06
         assert one.low < rms < one.high
-    axis = scenario.load({"extends": "corridor", "axes": as_tree(found)["axes"]}).resolve(0).axes.jitter
+    axis = axes_of(found).jitter
     assert axis.physical == pytest.approx(value_of(found, "jitter").value, rel=1e-3)
     assert 1.2 < axis.ground_band_hz[0] < 2.0
     assert 5.5 < axis.ground_band_hz[1] < 7.0

@@ -17,6 +17,7 @@ from pftrack_sim.measuring.material import camera_of, read_material
 from pftrack_sim.measuring.measured import Measured, Quantity, as_toml, read_levels
 from pftrack_sim.measuring.stream import jpeg_quality
 from pftrack_sim.measuring.video import measure_video
+from pftrack_sim.scenario.axes import Axes
 
 WIDTH, HEIGHT, RATE_HZ = 160, 120, 25.0
 K = intrinsics(WIDTH, HEIGHT, math.radians(50.0))
@@ -47,7 +48,7 @@ def shake(
 
 
 def write_images(folder: Path, images: list[np.ndarray]) -> Path:
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     for index, image in enumerate(images, start=1):
         cv2.imwrite(str(folder / f"{index:04}.png"), image[:, :, ::-1])
     return folder
@@ -58,12 +59,17 @@ def shaken(frames: int = 150, rms_deg: float = 0.5, **more: float) -> list[np.nd
     return [turned(picture, one) for one in shake(frames, rms_deg, **more)]
 
 
+def measured(folder: Path, images: list[np.ndarray], fovy_deg: float | None = 50.0) -> Measured:
+    return measure_video(read_material(write_images(folder / "frames", images), RATE_HZ), fovy_deg)
+
+
 def value_of(found: Measured, name: str) -> Quantity:
     return next(one for one in found.quantities if one.name == name)
 
 
-def as_tree(found: Measured) -> dict:
-    return tomllib.loads(as_toml(found))
+def axes_of(found: Measured) -> Axes:
+    """The axes of a scenario that takes what was measured."""
+    return scenario.load({"extends": "corridor", "axes": tomllib.loads(as_toml(found))["axes"]}).resolve(0).axes
 
 
 def with_walker(images: list[np.ndarray]) -> list[np.ndarray]:
@@ -79,8 +85,7 @@ def with_walker(images: list[np.ndarray]) -> list[np.ndarray]:
 @pytest.mark.parametrize("people", [False, True])
 def test_the_rms_of_a_shake_is_told_although_somebody_walks(tmp_path: Path, people: bool):
     images = shaken()
-    folder = write_images(tmp_path / "frames", with_walker(images) if people else images)
-    found = measure_video(read_material(folder, RATE_HZ), fovy_deg=50.0)
+    found = measured(tmp_path, with_walker(images) if people else images)
     for name in ("jitter", "pitch above 1 Hz", "yaw above 1 Hz", "roll above 1 Hz"):
         one = value_of(found, name)
         assert abs(one.value - 0.5) < 0.08
@@ -92,13 +97,11 @@ def test_slow_turns_are_taken_for_intended(tmp_path: Path):
     slow = np.zeros((150, 3))
     slow[:, 1] = np.radians(8.0) * np.sin(2.0 * np.pi * 0.3 * np.arange(150) / RATE_HZ)
     picture = texture()
-    folder = write_images(tmp_path / "frames", [turned(picture, one) for one in slow])
-    assert value_of(measure_video(read_material(folder, RATE_HZ), fovy_deg=50.0), "yaw above 1 Hz").value < 0.2
+    assert value_of(measured(tmp_path, [turned(picture, one) for one in slow]), "yaw above 1 Hz").value < 0.2
 
 
 def test_a_scenario_that_extends_the_file_has_the_measured_shake(tmp_path: Path):
-    folder = write_images(tmp_path / "frames", shaken())
-    found = measure_video(read_material(folder, RATE_HZ), fovy_deg=50.0)
+    found = measured(tmp_path, shaken())
     file = tmp_path / "mine.toml"
     file.write_text(as_toml(found))
     axis = scenario.load({"extends": ["corridor", str(file)]}).resolve(0).axes.jitter
@@ -149,7 +152,7 @@ def dimmed(image: np.ndarray, stops: float) -> np.ndarray:
 @pytest.mark.parametrize("stops", [0.0, 0.6, 1.5])
 def test_a_change_of_the_light_is_told_from_motion_and_from_none(tmp_path: Path, stops: float):
     images = [dimmed(one, stops if index >= 75 else 0.0) for index, one in enumerate(shaken())]
-    found = measure_video(read_material(write_images(tmp_path / "frames", images), RATE_HZ), fovy_deg=50.0)
+    found = measured(tmp_path, images)
     jitter = value_of(found, "jitter")
     assert jitter.low < 0.5 < jitter.high
     if not stops:
@@ -157,7 +160,7 @@ def test_a_change_of_the_light_is_told_from_motion_and_from_none(tmp_path: Path,
         return
     light = value_of(found, "change of light")
     assert light.low <= stops <= light.high
-    axis = scenario.load({"extends": "corridor", "axes": as_tree(found)["axes"]}).resolve(0).axes.light
+    axis = axes_of(found).light
     assert axis.dim_ev == pytest.approx(light.value, rel=1e-3)
     assert axis.at_s == pytest.approx(3.0, abs=0.2)
 
@@ -170,11 +173,11 @@ def test_flicker_is_told_beside_a_change(tmp_path: Path, depth: float, hz: float
         dimmed(one, 0.5 + 1.0 * (index >= 75) - math.log2(1.0 + depth * math.sin(2.0 * math.pi * hz * index / RATE_HZ)))
         for index, one in enumerate(shaken())
     ]
-    found = measure_video(read_material(write_images(tmp_path / "frames", images), RATE_HZ), fovy_deg=50.0)
+    found = measured(tmp_path, images)
     names = [one.name for one in found.quantities]
     assert "change of light" in names
     assert ("flicker" in names) == bool(depth)
-    axis = scenario.load({"extends": "corridor", "axes": as_tree(found)["axes"]}).resolve(0).axes.light
+    axis = axes_of(found).light
     assert axis.parts == (("change", "flicker") if depth else ("change",))
     if depth:
         one = value_of(found, "flicker")
@@ -198,7 +201,7 @@ def test_the_readout_of_a_rolling_shutter_is_told_where_the_camera_shakes(
             rows = slice(band * HEIGHT // bands, (band + 1) * HEIGHT // bands)
             image[rows] = turned(picture, angles[index * often - round(before)])[rows]
         images.append(image)
-    found = measure_video(read_material(write_images(tmp_path / "frames", images), RATE_HZ), fovy_deg=50.0)
+    found = measured(tmp_path, images)
     if rms_deg < 0.1:
         assert "shakes too little" in found.left_out["rolling_shutter"]
     elif not readout_ms:
@@ -207,7 +210,7 @@ def test_the_readout_of_a_rolling_shutter_is_told_where_the_camera_shakes(
         one = value_of(found, "readout")
         assert abs(one.value - readout_ms) < 2.0
         assert one.low < readout_ms < one.high
-        axes = scenario.load({"extends": "corridor", "axes": as_tree(found)["axes"]}).resolve(0).axes
+        axes = axes_of(found)
         assert axes.rolling_shutter.physical == pytest.approx(one.value, rel=1e-3)
 
 
@@ -223,30 +226,30 @@ def test_the_exposure_is_told_where_the_camera_shakes(tmp_path: Path, rms_deg: f
         before = np.linspace(0.0, exposure_ms * 1e-3 * often * RATE_HZ, passes if exposure_ms else 1)
         views = [turned(picture, angles[index * often - round(one)]).astype(float) for one in before]
         images.append(np.mean(views, axis=0).astype(np.uint8))
-    found = measure_video(read_material(write_images(tmp_path / "frames", images), RATE_HZ), fovy_deg=50.0)
+    found = measured(tmp_path, images)
     if said:
         assert said in found.left_out["blur"]
         return
     one = value_of(found, "exposure")
     assert one.value == pytest.approx(exposure_ms, rel=0.25)
     assert one.low < exposure_ms < one.high
-    axes = scenario.load({"extends": "corridor", "axes": as_tree(found)["axes"]}).resolve(0).axes
+    axes = axes_of(found)
     assert axes.blur.physical == pytest.approx(one.value, rel=1e-3)
 
 
 def test_nothing_is_measured_across_a_cut(tmp_path: Path):
     first, second = shaken(110), [turned(texture(3), one) for one in shake(110, 0.5, seed=2)]
-    found = measure_video(read_material(write_images(tmp_path / "frames", first + second), RATE_HZ), fovy_deg=50.0)
+    found = measured(tmp_path, first + second)
     assert any("1 cut in it (at 4.40 s)" in doubt for doubt in found.doubts)
     jitter = value_of(found, "jitter")
     assert jitter.low < 0.5 < jitter.high
-    short = measure_video(read_material(write_images(tmp_path / "short", first[:60] + second[:60]), RATE_HZ))
+    short = measured(tmp_path / "short", first[:60] + second[:60], None)
     assert "needs 4 s without a cut" in short.left_out["jitter"]
 
 
 def test_without_texture_there_is_no_number(tmp_path: Path):
     flat = [np.full((HEIGHT, WIDTH, 3), 120, np.uint8)] * 120
-    found = measure_video(read_material(write_images(tmp_path / "frames", flat), RATE_HZ))
+    found = measured(tmp_path, flat, None)
     assert "too little texture" in found.left_out["jitter"]
     assert "jitter" not in {one.name for one in found.quantities}
 
@@ -256,7 +259,7 @@ def test_where_only_people_move_there_is_no_number(tmp_path: Path):
     for index, image in enumerate(wall):
         left = round(50 + 40 * math.sin(index / 4.0))
         image[30:110, left : left + 30] = texture(5)[:80, :30]
-    found = measure_video(read_material(write_images(tmp_path / "frames", wall), RATE_HZ))
+    found = measured(tmp_path, wall, None)
     assert "jitter" in found.left_out
 
 
@@ -283,15 +286,15 @@ distortion_coefficients: {rows: 1, cols: 5, data: [-0.3, 0.1, 0.0, 0.0, 0.0]}
 def test_calibrations_of_ros_and_opencv_are_read(tmp_path: Path):
     file = tmp_path / "camera.yaml"
     file.write_text(ROS)
-    camera = camera_of((160, 120), None, file)
-    assert camera.known
+    camera, shares = camera_of((160, 120), None, file)
+    assert shares == (1.0, 1.0)
     assert camera.K[0, 0] == 150.5
     assert camera.distortion[0] == -0.3
     storage = cv2.FileStorage(str(file), cv2.FILE_STORAGE_WRITE)
     storage.write("camera_matrix", K)
     storage.write("distortion_coefficients", np.zeros(5))
     storage.release()
-    assert np.abs(camera_of((160, 120), None, file).K - K).max() < 1e-9
+    assert np.abs(camera_of((160, 120), None, file)[0].K - K).max() < 1e-9
 
 
 @pytest.mark.parametrize(

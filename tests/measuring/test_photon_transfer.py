@@ -10,12 +10,10 @@ from pftrack_sim import scenario
 from pftrack_sim.camera.noise import Noise
 from pftrack_sim.core.photometry import gain as tone_gain
 from pftrack_sim.measuring.material import read_material
-from pftrack_sim.measuring.measured import Measured, read_levels
+from pftrack_sim.measuring.measured import read_levels
 from pftrack_sim.measuring.video import measure_video
 from pftrack_sim.scenario.axes import NoiseAxis
-from tests.measuring.test_measure import as_toml, value_of, write_images
-
-RATE_HZ = 25.0
+from tests.measuring.test_measure import as_toml, measured, value_of
 
 
 def noisy(gain: float, stops: float = 1.5, shift: int = 0, frames: int = 24) -> list[np.ndarray]:
@@ -27,10 +25,6 @@ def noisy(gain: float, stops: float = 1.5, shift: int = 0, frames: int = 24) -> 
     sensor = Noise(NoiseAxis(severity=1.0, gain=gain), 0)
     views = (np.repeat(clouds[:, shift * index :][:, :320, None], 3, axis=2) for index in range(frames))
     return [tone[sensor.read(np.ascontiguousarray(view), index)] for index, view in enumerate(views)]
-
-
-def measured(folder: Path, images: list[np.ndarray]) -> Measured:
-    return measure_video(read_material(write_images(folder / "frames", images), RATE_HZ), fovy_deg=50.0)
 
 
 @pytest.mark.parametrize(("gain", "stops", "shift"), [(2.0, 0.0, 0), (2.0, 2.5, 3), (8.0, 1.5, 0), (20.0, 0.5, 3)])
@@ -52,7 +46,6 @@ def test_what_is_no_noise_of_single_pixels_tells_no_gain(tmp_path: Path):
         ("frozen", noisy(8.0)[:1] * 24, "needs flat parts"),
         ("uniform", [one.clip(100, 110) for one in noisy(8.0)], "needs flat parts"),
     ):
-        (tmp_path / name).mkdir()
         found = measured(tmp_path / name, images)
         assert said in found.left_out["noise"], name
         assert "noise" not in as_toml(found).split("[")
@@ -61,4 +54,4 @@ def test_what_is_no_noise_of_single_pixels_tells_no_gain(tmp_path: Path):
 def test_compressed_images_tell_no_gain(tmp_path: Path):
     for index, image in enumerate(noisy(8.0, frames=12), start=1):
         cv2.imwrite(str(tmp_path / f"{index:04}.jpg"), image, [cv2.IMWRITE_JPEG_QUALITY, 98])
-    assert "take noise away" in measure_video(read_material(tmp_path, RATE_HZ)).left_out["noise"]
+    assert "take noise away" in measure_video(read_material(tmp_path, 25.0)).left_out["noise"]
