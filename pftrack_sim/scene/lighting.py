@@ -46,8 +46,7 @@ class Lighting:
 
     Lights named "light/lamp..." and materials named "glow-lamp..." are lamps; every other light is sun. Ambient light
     (the headlight's) and the sky's texture belong to the sun or moon; where there are only lamps, they belong to the
-    lamps, as their light is reflected by the walls. Every call starts from the model's original light. A
-    call with the same light as the one before does nothing, unless the model's lights were changed in between.
+    lamps, as their light is reflected by the walls. Every call starts from the model's original light.
 
     Args:
         axis: Stress axis on top; its colour is applied by the camera.
@@ -75,9 +74,6 @@ class Lighting:
         self._specular = model.light_specular.copy()
         self._emission = model.mat_emission.copy()
         self._headlight = np.array(model.vis.headlight.ambient)
-        self._gains: tuple[float, float, float] | None = None
-        self._outputs = model.light_diffuse, model.mat_emission, model.vis.headlight.ambient
-        self._written: list[bytes] = []
 
     def apply(self, time_s: float, target_s_m: float = 0.0, exposure_ev: float = 0.0) -> None:
         """Set the model's lights.
@@ -95,19 +91,12 @@ class Lighting:
             lamps += stops * (self._axis.lights in ("all", "lamps"))
         sun_gain = gain(ev(self._lights, time_s, "sun") + sun)
         lamp_gain = gain(ev(self._lights, time_s, "lamps") + lamps)
-        other_gain = gain(exposure_ev)
-        gains = sun_gain, lamp_gain, other_gain
-        # Another Lighting of the same model may have changed them since.
-        if self._gains == gains and [values.tobytes() for values in self._outputs] == self._written:
-            return
-        self._gains = gains
         sky_gain = lamp_gain if self._only_lamps else sun_gain
         model = self._model
         light_gains = np.where(self._is_lamp, lamp_gain, sun_gain)[:, None]
         model.light_diffuse[:] = self._diffuse * light_gains
         model.light_ambient[:] = self._ambient * light_gains
         model.light_specular[:] = self._specular * light_gains
-        material_gains = np.where(self._is_sky, sky_gain, other_gain)
+        material_gains = np.where(self._is_sky, sky_gain, gain(exposure_ev))
         model.mat_emission[:] = self._emission * np.where(self._is_lamp_material, lamp_gain, material_gains)
         model.vis.headlight.ambient[:] = self._headlight * sky_gain
-        self._written = [values.tobytes() for values in self._outputs]

@@ -103,32 +103,6 @@ def test_applying_is_idempotent_in_any_order(names: tuple[str, ...]) -> None:
     np.testing.assert_array_equal(state(model), once)
 
 
-def test_light_that_stays_the_same_is_not_set_again() -> None:
-    model = small_model("sun", "lamp-1")
-    lighting = Lighting(model, SCHEDULE)
-    lighting.apply(0.0)
-    first = model.light_diffuse.copy()
-    model.light_specular[:] = 0.25  # what is not looked at shows whether the lights are set
-    lighting.apply(1.0)
-    assert (model.light_specular == 0.25).all()
-    lighting.apply(5.0)
-    assert not (model.light_specular == 0.25).any()
-    lighting.apply(0.0)
-    np.testing.assert_array_equal(model.light_diffuse, first)
-
-
-@pytest.mark.parametrize("changed", ["light_diffuse", "mat_emission"])
-def test_light_that_others_changed_is_set_again(changed: str) -> None:
-    model = small_model("sun", "lamp-1")
-    model.mat_emission[:] = 0.5
-    lighting = Lighting(model, SCHEDULE)
-    lighting.apply(0.0)
-    before = state(model)
-    getattr(model, changed)[:] += 1.0
-    lighting.apply(0.0)
-    np.testing.assert_array_equal(state(model), before)
-
-
 def test_no_schedule_changes_nothing() -> None:
     model = small_model("sun", "lamp-1")
     before = state(model)
