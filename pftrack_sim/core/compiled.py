@@ -9,7 +9,6 @@ what a kernel calls, and its constants, are in its own.
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar, cast
 
@@ -26,24 +25,22 @@ class _Notice(numba_event.Listener):
     """Says once per process that kernels are being compiled, as soon as that has taken half a second."""
 
     def __init__(self) -> None:
-        self._depth = 0
-        self._began_s = self._spent_s = 0.0
+        self._timer: Any = numba_event.TimingListener()
         self.said = False
 
     def on_start(self, event: Any) -> None:
         """A function is going to be compiled."""
-        if not self.said and self._spent_s > _PATIENCE_S and _is_own(event):
+        if not _is_own(event):
+            return
+        if not self.said and self._timer.done and self._timer.duration > _PATIENCE_S:
             self.said = True
             print("pftrack_sim: compiling for this machine, once: about 10 s", file=sys.stderr, flush=True)  # noqa: T201
-        if not self._depth:
-            self._began_s = time.monotonic()
-        self._depth += 1
+        self._timer.on_start(event)
 
     def on_end(self, event: Any) -> None:
         """A function has been compiled."""
-        self._depth -= 1
-        if not self._depth and _is_own(event):
-            self._spent_s += time.monotonic() - self._began_s
+        if _is_own(event):
+            self._timer.on_end(event)
 
 
 def _is_own(event: Any) -> bool:
