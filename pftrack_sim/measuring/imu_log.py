@@ -20,7 +20,7 @@ SUFFIXES = (".csv", ".tsv", ".txt")
 _MAX_BYTES = 1 << 30
 _WORD = re.compile(r"[A-Z]?[a-zµ°]+|[A-Z]+(?![a-z])|\d+")
 _TIMES = {"time", "timestamp", "stamp", "t", "elapsed"}
-_SECONDS = {"s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+_UNITS = {"s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "us": "us", "µs": "us", "ns": "ns"}
 _BASES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _RATES_HZ = (15.0, 10_000.0)  # Of inertial sensors: less than a factor of 1000 apart, so one base of time fits
 _DEGREES, _RADIANS = {"deg", "degree", "degrees", "dps", "°"}, {"rad", "rads", "radian", "radians"}
@@ -122,8 +122,7 @@ def _read_csv(path: Path) -> tuple[FloatArray, str | None, FloatArray, FloatArra
         table = np.loadtxt(rows, delimiter=delimiter, usecols=wanted, ndmin=2) if rows else np.zeros((0, len(wanted)))
     except (ValueError, IndexError) as error:
         raise SequenceError(f"{path}: after its header {one_line(str(error), 120)}") from None
-    unit = next((word for word in words[time] if word in _SECONDS), None)
-    base = next((one for one, scale in _BASES.items() if unit and scale == _SECONDS[unit]), None)
+    base = next((_UNITS[word] for word in words[time] if word in _UNITS), None)
     turns = np.radians(table[:, 1:4]) if degrees else table[:, 1:4]
     return table[:, 0], base, turns, table[:, 4:] if len(wanted) == 7 else None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator
 
@@ -16,6 +16,9 @@ def _colour(text: str) -> str:
     return text
 
 
+Cut: TypeAlias = Literal["shirt", "jacket", "hood"]
+HairStyle: TypeAlias = Literal["short", "medium", "long", "curly", "bun", "cap", "beanie", "bald"]
+Glasses: TypeAlias = Literal["none", "clear", "dark"]
 _Hex = Annotated[str, AfterValidator(_colour)]
 
 
@@ -26,13 +29,11 @@ class Clothes(Section):
     bottom: _Hex | None = setting(None, "Colour of the trousers.")
     shoes: _Hex | None = setting(None, "Colour of the shoes.")
     pattern: Literal["plain", "stripes", "checks", "print", "block", "dots"] | None = setting(None, "Of the top.")
-    cut: Literal["shirt", "jacket", "hood"] | None = setting(None, "Of the top: with a hood, or a jacket to the hips.")
+    cut: Cut | None = setting(None, "Of the top: with a hood, or a jacket to the hips.")
     long_sleeves: bool | None = setting(None, "Whether sleeves reach the wrists.")
     long_legs: bool | None = setting(None, "Whether trousers reach the ankles.")
     skirt: bool | None = setting(None, "Whether a feminine figure wears a skirt; not where it sits or stoops.")
-    hair: Literal["short", "medium", "long", "curly", "bun", "cap", "beanie", "bald"] | None = setting(
-        None, "Hair, or what covers it."
-    )
-    glasses: Literal["none", "clear", "dark"] | None = setting(None, "Glasses; sunglasses are dark.")
+    hair: HairStyle | None = setting(None, "Hair, or what covers it.")
+    glasses: Glasses | None = setting(None, "Glasses; sunglasses are dark.")
     skin: _Hex | None = setting(None, "Colour of the skin.")
     girth: float | None = number(None, 0.85, 1.3, "Thickness of the trunk; 1 is the average.")

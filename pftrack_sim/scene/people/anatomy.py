@@ -11,15 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from pftrack_sim.core.data_files import asset_table
+from pftrack_sim.scenario.clothes import Glasses, HairStyle
 
 Colour: TypeAlias = tuple[int, int, int]  # RGB, 0..255
-HairStyle: TypeAlias = Literal["short", "medium", "long", "curly", "bun", "cap", "beanie", "bald"]
-Glasses: TypeAlias = Literal["none", "clear", "dark"]
 
 _ADULT_M, _SMALL_M = 1.48, 1.0  # Statures of the smallest adult drawn, and of a child all of whose proportions differ
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.types import FloatArray, read_only
-from pftrack_sim.scene.people.anatomy import Anatomy, HairStyle
+from pftrack_sim.scenario.clothes import HairStyle
+from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.people.head_texture import HEAD_SIZE, hairline, texture_row
 from pftrack_sim.scene.people.mesh import (
     TriangleMesh,

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray, read_only
-from pftrack_sim.scene.people.anatomy import Anatomy, HairStyle
+from pftrack_sim.scenario.clothes import HairStyle
+from pftrack_sim.scene.people.anatomy import Anatomy
 
 HEAD_SIZE = (112, 256)  # height and width of the texture [px]
 _TOP_Z, _BOTTOM_Z = 0.165, -0.025  # heights that the first and the last row show

@@ -19,11 +19,10 @@ import numpy as np
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.random_streams import pick
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.scenario.clothes import Clothes
+from pftrack_sim.scenario.clothes import Clothes, Cut
 from pftrack_sim.scene.people.anatomy import Anatomy, Colour, rgb
 
 Pattern: TypeAlias = Literal["plain", "stripes", "pinstripes", "checks", "print", "block", "dots"]
-Cut: TypeAlias = Literal["shirt", "jacket", "hood"]
 
 _CUTS: tuple[Cut, ...] = ("shirt", "shirt", "jacket", "hood")
 
