@@ -116,18 +116,6 @@ def level_of(found: Measured, name: str, wanted: float) -> tuple[float, bool | N
     return (np.nan, None) if one is None else (one.value / wanted, one.low <= wanted <= one.high)
 
 
-def measured_in_places(
-    name: str, wanted: float, seeds: Iterator[int], settings: Mapping[str, Any], *, crf: int | None
-) -> list[tuple[float, bool | None]]:
-    """`level_of` a quantity in four places, as not every seed of the hall can be planned."""
-    rows: list[tuple[float, bool | None]] = []
-    for place in PLACES[:4]:
-        with tempfile.TemporaryDirectory() as folder:
-            found, _ = measured_back(place, next(seeds), settings, crf=crf, folder=Path(folder))
-        rows.append(level_of(found, name, wanted))
-    return rows
-
-
 KINDS: Sequence[tuple[str, Mapping[str, Any], int | None]] = (
     ("robot stands, PNG", STILL, None),
     ("robot stands, H.264 of rate factor 28", STILL, 28),
@@ -157,58 +145,63 @@ def jitter() -> None:
             row(title, f"{level} deg RMS", rows)
 
 
-def light() -> None:
+Case = tuple[str, str, float, Mapping[str, Any], int | None]
+"""Material, level in words, true level, settings of an episode, and rate factor of its video (None: PNG)."""
+
+
+def in_words(crf: int | None) -> str:
+    """How the images of a rate factor are kept."""
+    return "PNG" if crf is None else f"H.264 of rate factor {crf}"
+
+
+def light() -> Iterator[Case]:
     """Changes of the light."""
-    seeds = itertools.count(60)
     for ev in (0.5, 1.0, 2.0):
         axis = {"parts": ["change"], "dim_ev": ev, "auto_exposure": False, "at_s": 2.5, "severity": 1.0}
         settings = {**SMALL, **STILL, "duration_s": 5.0, "lights.schedule": [], "axes.light": axis}
-        rows = measured_in_places("change of light", ev, seeds, settings, crf=None)
-        row("robot stands, PNG", f"light falls by {ev} EV", rows)
+        yield "robot stands, PNG", f"light falls by {ev} EV", ev, settings, None
 
 
-def flicker() -> None:
+def flicker() -> Iterator[Case]:
     """Depth of a flicker."""
-    seeds = itertools.count(400)
     for crf, (depth, hz) in itertools.product((None, 28), ((0.03, 6.0), (0.1, 2.3), (0.1, 8.0), (0.3, 9.1))):
         axis = {"parts": ["flicker"], "flicker_depth": depth, "flicker_hz": hz, "auto_exposure": False, "severity": 1.0}
         settings = {**SMALL, "duration_s": 5.0, "lights.schedule": [], "axes.light": axis}
-        rows = measured_in_places("flicker", depth, seeds, settings, crf=crf)
-        row(
-            f"robot drives, {'PNG' if crf is None else f'H.264 of rate factor {crf}'}",
-            f"flicker of {depth} at {hz} Hz",
-            rows,
-        )
+        yield f"robot drives, {in_words(crf)}", f"flicker of {depth} at {hz} Hz", depth, settings, crf
 
 
-def readout() -> None:
+def readout() -> Iterator[Case]:
     """Readout of a rolling shutter."""
-    seeds = itertools.count(600)
     for crf, rms_deg, ms in itertools.product((None, 28), (0.2, 0.8), (10.0, 30.0, 50.0)):
         settings = shaking(rms_deg, 6.0, **{"axes.rolling_shutter": {"severity": 1.0, "readout_ms": ms}})
-        rows = measured_in_places("readout", ms, seeds, settings, crf=crf)
-        kind = "PNG" if crf is None else f"H.264 of rate factor {crf}"
-        row(f"robot drives, {kind}, {rms_deg} deg RMS", f"readout of {ms:g} ms", rows)
+        yield f"robot drives, {in_words(crf)}, {rms_deg} deg RMS", f"readout of {ms:g} ms", ms, settings, crf
 
 
-def exposure() -> None:
+def exposure() -> Iterator[Case]:
     """Exposure of a frame."""
-    seeds = itertools.count(740)
     for crf, rms_deg, ms in itertools.product((None, 28), (0.3, 0.8), (10.0, 20.0, 30.0)):
         settings = shaking(rms_deg, 5.0, **{"axes.blur": {"severity": 1.0, "exposure_ms": ms}})
-        rows = measured_in_places("exposure", ms, seeds, settings, crf=crf)
-        kind = "PNG" if crf is None else f"H.264 of rate factor {crf}"
-        row(f"robot drives, {kind}, {rms_deg} deg RMS", f"exposure of {ms:g} ms", rows)
+        yield f"robot drives, {in_words(crf)}, {rms_deg} deg RMS", f"exposure of {ms:g} ms", ms, settings, crf
 
 
-def noise() -> None:
+def noise() -> Iterator[Case]:
     """Gain of the sensor."""
-    seeds = itertools.count(200)
     for title, more in (("stands", STILL), ("drives", {})):
         for gain in (1.0, 2.0, 4.0, 8.0, 16.0):
             settings = {**SMALL, **more, "duration_s": 1.2, "axes.noise": {"severity": 1.0, "gain": gain}}
-            rows = measured_in_places("noise", gain, seeds, settings, crf=None)
-            row(f"robot {title}, PNG", f"gain {gain:g}", rows)
+            yield f"robot {title}, PNG", f"gain {gain:g}", gain, settings, None
+
+
+def in_places(quantity: str, first_seed: int, cases: Iterator[Case]) -> None:
+    """A quantity of each case in four places, as not every seed of the hall can be planned."""
+    seeds = itertools.count(first_seed)
+    for title, level, wanted, settings, crf in cases:
+        rows: list[tuple[float, bool | None]] = []
+        for place in PLACES[:4]:
+            with tempfile.TemporaryDirectory() as folder:
+                found, _ = measured_back(place, next(seeds), settings, crf=crf, folder=Path(folder))
+            rows.append(level_of(found, quantity, wanted))
+        row(title, level, rows)
 
 
 def imu() -> None:
@@ -228,14 +221,14 @@ def imu() -> None:
 
 if __name__ == "__main__":
     print("| material | level | measured / true, mean | held |\n| --- | --- | --- | --- |")  # noqa: T201
-    for name, circle in {
+    circles = {
         "jitter": jitter,
-        "light": light,
-        "flicker": flicker,
-        "readout": readout,
-        "exposure": exposure,
-        "noise": noise,
+        "light": lambda: in_places("change of light", 60, light()),
+        "flicker": lambda: in_places("flicker", 400, flicker()),
+        "readout": lambda: in_places("readout", 600, readout()),
+        "exposure": lambda: in_places("exposure", 740, exposure()),
+        "noise": lambda: in_places("noise", 200, noise()),
         "imu": imu,
-    }.items():
-        if name in (sys.argv[1:] or [name]):
-            circle()
+    }
+    for name in sys.argv[1:] or circles:
+        circles[name]()
