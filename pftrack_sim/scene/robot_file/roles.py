@@ -82,42 +82,34 @@ def locate_camera(
     Raises:
         ParameterError: There is none of this name; or, without a name, none at all; or it lies on its side.
     """
-    cameras, sites, bodies = (
-        _names(model, kind, range(count))
-        for kind, count in (
-            (_OBJECT.mjOBJ_CAMERA, model.ncam),
-            (_OBJECT.mjOBJ_SITE, model.nsite),
-            (_OBJECT.mjOBJ_BODY, model.nbody),
-        )
-    )
-    known = [*cameras, *sites, *bodies[1:]]
+    kinds = {
+        "camera": _names(model, _OBJECT.mjOBJ_CAMERA, range(model.ncam)),
+        "site": _names(model, _OBJECT.mjOBJ_SITE, range(model.nsite)),
+        "body": _names(model, _OBJECT.mjOBJ_BODY, range(1, model.nbody)),
+    }
+    cameras, known = kinds["camera"], [name for names in kinds.values() for name in names]
     if wanted is None:
         likely = [one for one in known[len(cameras) :] if "camera" in one.lower() or "optical" in one.lower()]
         wanted = next(iter([*cameras, *sorted(likely, key=lambda one: "optical" not in one.lower())]), None)
         if wanted is None:
+            has = _listed(_from_above(model, data, kinds["body"], known))
             raise ParameterError(
                 "robot.camera_site: the robot has no camera, and no site or link called camera or optical: name the "
-                f"site or link that the camera is at (it has: {_listed(_from_above(model, data, bodies, known))})"
+                f"site or link that the camera is at (it has: {has})"
             )
-    if wanted in cameras:
-        camera = model.camera(wanted).id
-        body, place, axes = int(model.cam_bodyid[camera]), data.cam_xpos[camera], data.cam_xmat[camera]
-        axes = axes.reshape(3, 3) * (1.0, -1.0, -1.0)
-    elif wanted in known:
-        if wanted in sites:
-            site = model.site(wanted).id
-            body, place, axes = int(model.site_bodyid[site]), data.site_xpos[site], data.site_xmat[site]
-        else:
-            body = int(model.body(wanted).id)
-            place, axes = data.xpos[body], data.xmat[body]
-        axes = axes.reshape(3, 3)
-        if "optical" not in wanted.lower():
-            axes = axes @ _LINK
-    else:
+    kind = next((kind for kind, names in kinds.items() if wanted in names), None)
+    if kind is None:
         raise ParameterError(
             f"robot.camera_site: the robot has no camera, site or link {wanted!r}{did_you_mean(wanted, known)} "
             f"(it has: {_listed(known)})"
         )
+    own, placed = getattr(model, kind)(wanted), getattr(data, kind)(wanted)
+    body = int(own.id if kind == "body" else own.bodyid[0])
+    place, axes = placed.xpos, placed.xmat.reshape(3, 3)
+    if kind == "camera":
+        axes = axes * (1.0, -1.0, -1.0)
+    elif "optical" not in wanted.lower():
+        axes = axes @ _LINK
     link, pose, turn = axes @ _LINK.T, np.eye(4), np.empty(4)
     if rpy_deg is not None:
         matrix = np.empty(9)
@@ -145,7 +137,7 @@ def _rpy(rotation: FloatArray) -> tuple[float, float, float]:
 
 def _from_above(model: Any, data: mujoco.MjData, bodies: list[str], known: list[str]) -> list[str]:
     """Names of sites and links, the highest link first."""
-    heights = {name: float(data.xpos[model.body(name).id, 2]) for name in bodies[1:]}
+    heights = {name: float(data.xpos[model.body(name).id, 2]) for name in bodies}
     return sorted(known, key=lambda name: -heights.get(name, math.inf))
 
 
