@@ -74,12 +74,10 @@ class Outfit:
 
 def sample_outfit(rng: np.random.Generator) -> Outfit:
     """Sample everyday clothes."""
-    top, bottom, shoes = (_sample_garment(rng, name) for name in ("top", "bottom", "shoes"))
+    garments = [_sample_garment(rng, name) for name in ("top", "bottom", "shoes")]
     cut = pick(rng, _CUTS)
     return Outfit(
-        top=top,
-        bottom=bottom,
-        shoes=shoes,
+        *garments,
         long_sleeves=bool(rng.random() < 0.4) or cut != "shirt",
         long_legs=bool(rng.random() < 0.88),
         cut=cut,
@@ -127,16 +125,13 @@ def similar_outfit(rng: np.random.Generator, reference: Outfit, similarity: floa
     if similarity == 1.0:
         return reference
     same_top, same_bottom, *same = [bool(draw < similarity) for draw in draws]
-    return Outfit(
-        _similar_garment(other.top, reference.top, similarity, same_top),
-        _similar_garment(other.bottom, reference.bottom, similarity, same_bottom),
-        _similar_garment(other.shoes, reference.shoes, similarity, True),
-        long_sleeves=(reference if same[0] else other).long_sleeves,
-        long_legs=(reference if same[1] else other).long_legs,
-        cut=(reference if same[2] else other).cut,
-        looseness=(reference if same[3] else other).looseness,
-        skirt=(reference if same[4] else other).skirt,
-    )
+    traits = ("long_sleeves", "long_legs", "cut", "looseness", "skirt")
+    kept = {trait: getattr(reference, trait) for trait, is_same in zip(traits, same, strict=True) if is_same}
+    garments = {
+        name: _similar_garment(getattr(other, name), getattr(reference, name), similarity, same_pattern)
+        for name, same_pattern in (("top", same_top), ("bottom", same_bottom), ("shoes", True))
+    }
+    return replace(other, **garments, **kept)
 
 
 def _sample_garment(rng: np.random.Generator, name: str) -> Garment:
@@ -173,14 +168,8 @@ def _palette(name: str) -> tuple[list[Colour], FloatArray, list[Pattern], FloatA
 
 def _similar_garment(other: Garment, reference: Garment, similarity: float, same_pattern: bool) -> Garment:
     reach = np.inf if similarity <= 0.0 else _COLOUR_SIGMA * np.sqrt(8.0 * np.log(1.0 / similarity))
-    drawing = reference if same_pattern else other
-    return Garment(
-        _limited(other.colour, reference.colour, reach),
-        _limited(other.accent, reference.accent, reach),
-        drawing.pattern,
-        drawing.scale_m,
-        drawing.texture_seed,
-    )
+    colour, accent = _limited(other.colour, reference.colour, reach), _limited(other.accent, reference.accent, reach)
+    return replace(reference if same_pattern else other, colour=colour, accent=accent)
 
 
 def _limited(colour: Colour, reference: Colour, reach: float) -> Colour:

@@ -194,22 +194,18 @@ class PlaceBuilder:
         self, name: str, kind: mujoco.mjtLightType, direction: ArrayLike, rgb: ArrayLike, *, casts_shadow: bool = False
     ) -> mujoco.MjsLight:
         """Add a light that travels in `direction` `(3,)`."""
-        light = self.spec.worldbody.add_light(name=f"light/{name}", type=kind)
-        light.dir = np.asarray(direction, dtype=np.float64)
-        light.diffuse = np.asarray(rgb, dtype=np.float64)
-        light.ambient = [0.0, 0.0, 0.0]
-        light.specular = 0.1 * light.diffuse
-        light.castshadow = casts_shadow
-        light.active = True
-        return light
+        colour, black = np.asarray(rgb, dtype=np.float32), [0.0, 0.0, 0.0]
+        form = {"type": kind, "dir": direction, "castshadow": casts_shadow, "active": True}
+        colours = {"diffuse": colour, "ambient": black, "specular": 0.1 * colour}
+        return self.spec.worldbody.add_light(name=f"light/{name}", **form, **colours)
 
 
 def add_ground_plane(spec: mujoco.MjSpec) -> None:
     """Add the flat plane that wheels roll on. It is not drawn."""
     body = spec.worldbody.add_body(name=GROUND)
-    plane = body.add_geom(name=f"{GROUND}/plane", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
-    plane.friction = [1.0, 0.005, 0.0001]
-    plane.group, plane.contype, plane.conaffinity = HIDDEN_GROUP, 1, 2
+    bits = {"group": HIDDEN_GROUP, "contype": 1, "conaffinity": 2}
+    plane = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [0.0, 0.0, 1.0], "friction": [1.0, 0.005, 0.0001]}
+    body.add_geom(name=f"{GROUND}/plane", **plane, **bits)
 
 
 def _add_collider(body: mujoco.MjsBody, name: str, collider: Collider, z_m: float) -> None:
