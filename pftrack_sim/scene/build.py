@@ -86,7 +86,7 @@ def compile_robot_alone(form: RobotForm, step_s: float) -> mujoco.MjModel:
     add_ground_plane(spec)
     add_robot(spec, form)
     for geom in spec.geoms:
-        if not _collides(geom) and geom.mass == 0.0:
+        if not (geom.contype or geom.conaffinity or geom.mass):
             spec.delete(geom)
     model = spec.compile()
     # The robot is one island: it is found anew in every step for nothing.
@@ -99,10 +99,6 @@ def _empty(step_s: float, *, draws: bool = False) -> SceneSpec:
     spec.option.timestep = step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     return spec
-
-
-def _collides(geom: mujoco.MjsGeom) -> bool:
-    return bool(geom.contype or geom.conaffinity)
 
 
 def add_agents(

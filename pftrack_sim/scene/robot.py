@@ -16,7 +16,6 @@ from pftrack_sim.scene.robot_file.motorised import add_motorised, mast_of
 from pftrack_sim.scene.robot_file.roles import Roles, ancestors
 from pftrack_sim.scene.scene_spec import SceneSpec
 
-PREFIX = "robot/"
 BASE = "robot/base"
 CAMERA = "robot/camera"
 
@@ -88,7 +87,7 @@ def add_robot(spec: SceneSpec, form: RobotForm) -> None:
     roles = form.roles
     if roles.motorised:
         add_motorised(
-            spec, roles, PREFIX, form.camera_height_m, form.camera_tilt_deg, form.camera_fovy_deg, form.floor_friction
+            spec, roles, form.camera_height_m, form.camera_tilt_deg, form.camera_fovy_deg, form.floor_friction
         )
     else:
-        add_fitted(spec, fit(roles), PREFIX, form.camera_fovy_deg)
+        add_fitted(spec, fit(roles), form.camera_fovy_deg)

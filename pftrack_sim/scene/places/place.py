@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache
 from typing import Any, cast
 
@@ -36,7 +36,7 @@ import numpy as np
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 from pftrack_sim.core.random_streams import pick
-from pftrack_sim.scenario.model import AnyPlace, Lights, MapPlace, MjcfPlace, Place
+from pftrack_sim.scenario.model import AnyPlace, Lights, Place
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.scene.places.builder import Collider, Item, PlaceBuilder, add_ground_plane, bounding_box
 from pftrack_sim.scene.places.catalogue import described_meshes, load_prop
@@ -50,6 +50,7 @@ from pftrack_sim.scene.places.room_mjcf import read_mjcf
 from pftrack_sim.scene.places.seats import Seat, add_seats
 from pftrack_sim.scene.scene_spec import SceneSpec
 
+_READERS: dict[str, Callable[[Any], Room]] = {"map": read_map, "mjcf": read_mjcf, "mesh": read_mesh}
 _SECTIONS = ("fixed", "drawn", "loose")
 _PLACING = ("name", "names", "at", "z", "collider", "shadow", "seed", "any", "between")  # Not arguments of the prop
 
@@ -100,13 +101,7 @@ def load_room(place: Any) -> Room:
         ScenarioError: The file cannot be read, or is no room for people and robot.
     """
     try:
-        match place:
-            case MapPlace():
-                return read_map(place)
-            case MjcfPlace():
-                return read_mjcf(place)
-            case _:
-                return read_mesh(place)
+        return _READERS[place.kind](place)
     except ParameterError as error:
         raise ScenarioError(place.model, [f"place.model: {error}"]) from None
 

@@ -195,7 +195,7 @@ def _housing(model: Any, data: mujoco.MjData, centre_m: FloatArray) -> BoolArray
     return (np.abs(local - boxes[:, 0]) <= boxes[:, 1] + _LENS_M).all(axis=1)
 
 
-def add_fitted(spec: SceneSpec, fitted: FittedRobot, prefix: str, fovy_deg: float) -> None:
+def add_fitted(spec: SceneSpec, fitted: FittedRobot, fovy_deg: float) -> None:
     """Add a robot on its base, with the names of joints, motors, sensors and camera that `assets/robot.xml` has."""
     base = mujoco.MjSpec.from_file(str(assets_dir() / "planar_base.xml"))
     anchors = {"base": np.zeros(3), **{body: hinge.anchor_m for (body, _), hinge in fitted.hinges.items()}}
@@ -204,23 +204,23 @@ def add_fitted(spec: SceneSpec, fitted: FittedRobot, prefix: str, fovy_deg: floa
         body.pos, joint.axis = hinge.anchor_m - anchors["pan" if name == "head" else "base"], hinge.axis
         if (name, joint_name) in (_PAN, _TILT):
             joint.ref, joint.range, joint.limited = hinge.rest_rad, hinge.range_rad, True
-    spec.attach(base, prefix=prefix, frame=spec.worldbody.add_frame())
-    bodies = {name: spec.body(f"{prefix}{name}") for name in anchors}
+    spec.attach(base, prefix="robot/", frame=spec.worldbody.add_frame())
+    bodies = {name: spec.body(f"robot/{name}") for name in anchors}
     for body in bodies.values():
         # Feet and wheels would rub on it.
         spec.add_exclude(bodyname1=GROUND, bodyname2=body.name)
     model, shown = fitted.model, fitted.drawn | fitted.solid
-    materials = _add_materials(spec, model, np.unique(model.geom_matid[shown]).tolist(), prefix)
+    materials = _add_materials(spec, model, np.unique(model.geom_matid[shown]).tolist())
     meshes = set[int](model.geom_dataid[shown & (model.geom_type == int(_GEOM.mjGEOM_MESH))].tolist())
     for mesh in sorted(meshes):
-        spec.add_mesh_file(f"{prefix}mesh-{mesh}", _mesh(fitted, mesh))
+        spec.add_mesh_file(f"robot/mesh-{mesh}", _mesh(fitted, mesh))
     for geom in np.flatnonzero(shown).tolist():
         owner = fitted.owners[int(model.geom_bodyid[geom])]
         drawn, solid = bool(fitted.drawn[geom]), bool(fitted.solid[geom])
         kind, mesh = mujoco.mjtGeom(int(model.geom_type[geom])), int(model.geom_dataid[geom])
         is_mesh = kind == _GEOM.mjGEOM_MESH
         bodies[owner].add_geom(
-            name=f"{prefix}geom-{geom}",
+            name=f"robot/geom-{geom}",
             type=kind,
             pos=fitted.positions_m[geom] - anchors[owner],
             quat=_quaternion(fitted.rotations[geom]),
@@ -229,16 +229,16 @@ def add_fitted(spec: SceneSpec, fitted: FittedRobot, prefix: str, fovy_deg: floa
             group=ROBOT_GROUP if drawn else HIDDEN_ROBOT_GROUP,
             contype=2 * solid,
             conaffinity=5 * solid,
-            **({"meshname": f"{prefix}mesh-{mesh}"} if is_mesh else {"size": model.geom_size[geom]}),
+            **({"meshname": f"robot/mesh-{mesh}"} if is_mesh else {"size": model.geom_size[geom]}),
         )
     pose, owner = fitted.T_base_camera, fitted.camera_owner
     place, quat = pose[:3, 3] - anchors[owner], _quaternion(pose[:3, :3] * (1.0, -1.0, -1.0))
-    bodies[owner].add_camera(name=f"{prefix}camera", pos=place, quat=quat, fovy=fovy_deg)
+    bodies[owner].add_camera(name="robot/camera", pos=place, quat=quat, fovy=fovy_deg)
 
 
-def _add_materials(spec: SceneSpec, model: Any, used: list[int], prefix: str) -> dict[int, str]:
+def _add_materials(spec: SceneSpec, model: Any, used: list[int]) -> dict[int, str]:
     """Add materials and their textures; names by index."""
-    names, textures = {index: f"{prefix}material-{index}" for index in used if index >= 0}, set[int]()
+    names, textures = {index: f"robot/material-{index}" for index in used if index >= 0}, set[int]()
     for index, name in names.items():
         material = spec.add_material(name=name, rgba=model.mat_rgba[index], texrepeat=model.mat_texrepeat[index])
         material.specular, material.shininess = model.mat_specular[index], model.mat_shininess[index]
@@ -246,7 +246,7 @@ def _add_materials(spec: SceneSpec, model: Any, used: list[int], prefix: str) ->
         texture = int(model.mat_texid[index, _COLOUR])
         if texture < 0:
             continue
-        material.textures[_COLOUR] = image_name = f"{prefix}texture-{texture}"
+        material.textures[_COLOUR] = image_name = f"robot/texture-{texture}"
         if texture not in textures:
             textures.add(texture)
             kind = mujoco.mjtTexture(int(model.tex_type[texture]))

@@ -120,7 +120,7 @@ def mast_of(roles: Roles) -> Mast:
 
 
 def add_motorised(
-    spec: SceneSpec, roles: Roles, prefix: str, height_m: float, tilt_deg: float, fovy_deg: float, friction: float
+    spec: SceneSpec, roles: Roles, height_m: float, tilt_deg: float, fovy_deg: float, friction: float
 ) -> None:
     """Attach the robot of a file with the optical centre at a height above the ground, on a floor of some friction."""
     mjcf, mast = read_spec(roles.model)[0], mast_of(roles)
@@ -148,7 +148,7 @@ def add_motorised(
         joint = mjcf.joint(f"suspension-{end}")
         # So that it stands level, at zero deflection.
         joint.springref = -float(joint.userdata[0]) * weight_n / joint.stiffness[0]
-    spec.attach(mjcf, prefix=prefix, frame=spec.worldbody.add_frame())
+    spec.attach(mjcf, prefix="robot/", frame=spec.worldbody.add_frame())
 
 
 def wheel_share(model: Any) -> float:
