@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import TypeGuard, cast
+from typing import TypeGuard
 
 from pftrack_sim.core.errors import ScenarioError, UnknownNameError
 from pftrack_sim.core.text import one_line
-from pftrack_sim.scenario.ranges import Tree, is_range
+from pftrack_sim.scenario.ranges import Tree, is_list, is_mapping, is_range
 
 KEY = "extends"
 MEASURED = "measured"
@@ -35,10 +35,10 @@ def extended(name: str, tree: Tree, read: Callable[[str, Path | None], tuple[Pat
         nonlocal count
         given = tree.get(KEY, [])
         bases = [given] if isinstance(given, str) else given
-        if not isinstance(bases, list) or not all(isinstance(one, str) for one in cast("list[object]", bases)):
+        if not is_list(bases) or not all(isinstance(one, str) for one in bases):
             raise ScenarioError(name, [f"{KEY}: takes a scenario's name or path, or a list of them, got {given!r}"])
         merged: Tree = {}
-        for base in cast("list[str]", bases):
+        for base in bases:
             count += 1
             try:
                 base_path, base_tree = read(base, file)
@@ -67,7 +67,7 @@ def _merged(base: Tree, own: Tree) -> Tree:
 
 
 def _is_table(value: object) -> TypeGuard[Tree]:
-    return isinstance(value, Mapping) and not is_range(cast("object", value))
+    return is_mapping(value) and not is_range(value)
 
 
 def _same_kind(base: Tree, own: Tree) -> bool:

@@ -8,7 +8,7 @@ import typing
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias
 
 from pydantic import ValidationError
 
@@ -140,20 +140,19 @@ def _with_files(name: str, tree: Tree, folder: Path) -> Tree:
     """The tree with what the files that it names tell in their place; paths are relative to the folder."""
     for table, key in (("place", "model"), ("robot", "model"), ("robot", "motion")):
         tree = _with_file(name, tree, table, key, folder)
-    if isinstance(target := tree.get("target"), Mapping):
-        tree = {**tree, "target": _with_file(name, cast("Tree", target), "thing", "model", folder, within="target.")}
+    if ranges.is_mapping(target := tree.get("target")):
+        tree = {**tree, "target": _with_file(name, target, "thing", "model", folder, within="target.")}
     tree = {**tree, "camera": _with_calibration(name, tree["camera"], folder, "camera")} if "camera" in tree else tree
-    cameras = tree.get("cameras")
-    if not isinstance(cameras, list):
+    if not ranges.is_list(cameras := tree.get("cameras")):
         return tree
-    listed = enumerate(cast("list[object]", cameras))
-    return {**tree, "cameras": [_with_calibration(name, one, folder, f"cameras.{index}") for index, one in listed]}
+    listed = [_with_calibration(name, one, folder, f"cameras.{index}") for index, one in enumerate(cameras)]
+    return {**tree, "cameras": listed}
 
 
 def _with_file(name: str, tree: Tree, table: str, key: str, folder: Path, *, within: str = "") -> Tree:
     """The tree with the whole path of the file at a key of a table, and a digest of it and those that it names."""
-    own = tree.get(table)
-    file = cast("Tree", own).get(key) if isinstance(own, Mapping) else None
+    own = tree.get(table, {})
+    file = own.get(key) if ranges.is_mapping(own) else None
     if not isinstance(file, str) or file.startswith("menagerie:"):
         return tree
     path = (folder / file).resolve()
@@ -163,14 +162,14 @@ def _with_file(name: str, tree: Tree, table: str, key: str, folder: Path, *, wit
         found = {key: str(path), f"{key}_digest": named_digest(path)}
     except ParameterError as error:
         raise ScenarioError(name, [f"{within}{table}.{key}: {error}"]) from None
-    return {**tree, table: {**cast("Tree", own), **found}}
+    return {**tree, table: {**own, **found}}
 
 
 def _with_calibration(name: str, camera: object, folder: Path, where: str) -> object:
     """The table of a camera with what the file at its key `calibration` tells in its place."""
-    if not isinstance(camera, dict) or "calibration" not in camera:
-        return cast("object", camera)
-    own = dict(cast("Tree", camera))
+    if not ranges.is_mapping(camera) or "calibration" not in camera:
+        return camera
+    own = dict(camera)
     file = own.pop("calibration")
     if file is None:
         return own
@@ -229,29 +228,27 @@ def _check_tree(name: str, tree: object) -> None:
 
 def _set(tree: Tree, key: str, value: object) -> tuple[Tree, str | None]:
     """Copy of the tree with one dotted key set, or the same tree and an error message."""
-    copied = cast("Tree", ranges.replaced(tree, {}))
+    copied: Tree = ranges.replaced(tree, {})
     parts = key.split(".")
     if len(parts) > MAX_DEPTH or len(key) > MAX_TEXT:
         return tree, f"{one_line(key, 60)}: a key of more than {MAX_DEPTH} levels or {MAX_TEXT} characters"
     node: Any = copied
     for position, part in enumerate(parts):
         last = position == len(parts) - 1
-        if isinstance(node, list):
-            items = cast("list[Any]", node)
-            if not part.isdigit() or int(part) >= len(items):
-                return tree, f"{key}: no item {part!r} in a list of {len(items)}"
+        if ranges.is_list(node):
+            if not part.isdigit() or int(part) >= len(node):
+                return tree, f"{key}: no item {part!r} in a list of {len(node)}"
             if last:
-                items[int(part)] = value
+                node[int(part)] = value
             else:
-                node = items[int(part)]
-        elif isinstance(node, dict) and not ranges.is_range(cast("object", node)):
-            table = cast("Tree", node)
+                node = node[int(part)]
+        elif ranges.is_mapping(node) and not ranges.is_range(node):
             if last:
-                table[part] = ranges.replaced(value, {})
-                for other in _foreign_keys(table) if part == "kind" else ():
-                    del table[other]
+                node[part] = ranges.replaced(value, {})
+                for other in _foreign_keys(node) if part == "kind" else ():
+                    del node[other]
             else:
-                node = table.setdefault(part, {})
+                node = node.setdefault(part, {})
         else:
             return tree, f"{key}: {'.'.join(parts[:position])} is a value, not a table"
     return copied, None

@@ -9,8 +9,8 @@ Each draw has its own random stream, named after its key: adding a range changes
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, TypeAlias, cast
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeAlias, TypeGuard
 
 from pftrack_sim.core.random_streams import stream
 
@@ -27,18 +27,24 @@ def dotted(path: KeyPath) -> str:
     return ".".join(str(part) for part in path)
 
 
-def is_range(value: object) -> bool:
+def is_mapping(value: object) -> TypeGuard[Tree]:
+    """Whether a value of a tree is a table or a range."""
+    return isinstance(value, Mapping)
+
+
+def is_range(value: object) -> TypeGuard[Tree]:
     """Whether a value of a tree is a range."""
-    if not isinstance(value, Mapping):
-        return False
-    table = cast("Mapping[str, object]", value)
-    return len(table) == 1 and next(iter(table)) in KINDS
+    return is_mapping(value) and len(value) == 1 and next(iter(value)) in KINDS
+
+
+def is_list(value: object) -> TypeGuard[list[Any]]:
+    """Whether a value of a tree is a list."""
+    return isinstance(value, (list, tuple))
 
 
 def draw(value: Mapping[str, Any], seed: int, path: KeyPath) -> object:
     """One value of a well-formed range, drawn from the stream of its key."""
     kind, given = next(iter(value.items()))
-    given = cast("list[Any]", given)
     rng = stream(seed, "scenario", dotted(path))
     if kind == "uniform":
         return rng.uniform(float(given[0]), float(given[1]))
@@ -49,10 +55,9 @@ def draw(value: Mapping[str, Any], seed: int, path: KeyPath) -> object:
 
 def problem(value: Mapping[str, Any]) -> str | None:
     """Error message for a malformed range, or None."""
-    kind, given = next(iter(value.items()))
-    if not isinstance(given, Sequence) or isinstance(given, str) or len(cast("Sequence[object]", given)) == 0:
-        return f"{kind} needs a list, got {given!r}"
-    items = cast("Sequence[object]", given)
+    kind, items = next(iter(value.items()))
+    if not is_list(items) or not items:
+        return f"{kind} needs a list, got {items!r}"
     if len(items) > MAX_CHOICES:
         return f"{kind} takes at most {MAX_CHOICES} values, got {len(items)}"
     if kind == "choice":
@@ -61,7 +66,7 @@ def problem(value: Mapping[str, Any]) -> str | None:
     if len(items) != 2 or not all(isinstance(item, wanted) and not isinstance(item, bool) for item in items):
         noun = "whole numbers" if kind == "integer" else "numbers"
         return f"{kind} needs [low, high], two {noun}, got {list(items[:3])!r}"
-    low, high = cast("tuple[float, float]", tuple(items))
+    low, high = items
     if not (abs(low) <= MOST and abs(high) <= MOST):
         return f"{kind} takes numbers from {-MOST:g} to {MOST:g}"
     if not low <= high:
@@ -72,12 +77,12 @@ def problem(value: Mapping[str, Any]) -> str | None:
 def walk(tree: object, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Mapping[str, Any]]]:
     """Every range in a tree with the path of its key."""
     if is_range(tree):
-        yield path, cast("Mapping[str, Any]", tree)
-    elif isinstance(tree, Mapping):
-        for key, value in cast("Mapping[str, object]", tree).items():
+        yield path, tree
+    elif is_mapping(tree):
+        for key, value in tree.items():
             yield from walk(value, (*path, key))
-    elif isinstance(tree, (list, tuple)):
-        for index, value in enumerate(cast("Sequence[object]", tree)):
+    elif is_list(tree):
+        for index, value in enumerate(tree):
             yield from walk(value, (*path, index))
 
 
@@ -85,10 +90,8 @@ def replaced(tree: object, values: Mapping[KeyPath, object], path: KeyPath = ())
     """A copy of a tree with the values at some paths replaced."""
     if path in values:
         return values[path]
-    if isinstance(tree, Mapping):
-        table = cast("Mapping[str, object]", tree)
-        return {key: replaced(value, values, (*path, key)) for key, value in table.items()}
-    if isinstance(tree, (list, tuple)):
-        items = cast("Sequence[object]", tree)
-        return [replaced(value, values, (*path, index)) for index, value in enumerate(items)]
+    if is_mapping(tree):
+        return {key: replaced(value, values, (*path, key)) for key, value in tree.items()}
+    if is_list(tree):
+        return [replaced(value, values, (*path, index)) for index, value in enumerate(tree)]
     return tree

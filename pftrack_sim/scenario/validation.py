@@ -6,14 +6,14 @@ import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any, cast
+from typing import Any
 
 from pydantic import ValidationError
 
 from pftrack_sim.core.errors import did_you_mean
 from pftrack_sim.scenario.extends import KEY
 from pftrack_sim.scenario.model import ResolvedScenario
-from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
+from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted, is_list, is_mapping
 
 
 def problems(error: ValidationError, tree: Tree, schema: dict[str, Any] | None = None) -> Iterator[str]:
@@ -58,15 +58,13 @@ def _path_in(tree: object, loc: Sequence[str | int]) -> KeyPath:
     node = tree
     for position, part in enumerate(loc):
         last = position == len(loc) - 1
-        if isinstance(node, Mapping):
-            table = cast("Mapping[str | int, object]", node)
-            if part in table:
-                node = table[part]
-            elif not last or table.get("kind") == part:
+        if is_mapping(node):
+            if isinstance(part, str) and part in node:
+                node = node[part]
+            elif not last or node.get("kind") == part:
                 continue
-        elif isinstance(node, (list, tuple)) and isinstance(part, int):
-            items = cast("Sequence[object]", node)
-            node = items[part] if part < len(items) else None
+        elif is_list(node) and isinstance(part, int):
+            node = node[part] if part < len(node) else None
         path.append(part)
     return tuple(path)
 
@@ -97,7 +95,7 @@ def resolved_node(node: Any, schema: dict[str, Any], value: Any) -> Any:
         if "$ref" in node:
             node = schema["$defs"][node["$ref"].rsplit("/", 1)[1]]
         elif "discriminator" in node:
-            kind = cast("Mapping[str, Any]", value).get("kind") if isinstance(value, Mapping) else None
+            kind = value.get("kind") if is_mapping(value) else None
             reference = node["discriminator"]["mapping"].get(kind)
             if reference is None:
                 return {}
@@ -116,12 +114,10 @@ def _short(value: object) -> str:
 def editor_schema() -> dict[str, Any]:
     """Schema for TOML editors: every leaf may also be a range."""
     schema = copy.deepcopy(json_schema())
-    definitions = cast("dict[str, dict[str, Any]]", schema["$defs"])
+    definitions: dict[str, dict[str, Any]] = schema["$defs"]
     for table in [schema, *definitions.values()]:
-        properties = cast("dict[str, dict[str, Any]]", table.get("properties", {}))
-        for key, leaf in properties.items():
-            if key != "kind":
-                properties[key] = _or_range(leaf)
+        properties: dict[str, dict[str, Any]] = table.get("properties", {})
+        properties |= {key: _or_range(leaf) for key, leaf in properties.items() if key != "kind"}
     definitions["Range"] = {
         "description": "Drawn once per seed.",
         "oneOf": [
@@ -153,12 +149,8 @@ def _or_range(leaf: dict[str, Any]) -> dict[str, Any]:
     bare = {key: value for key, value in leaf.items() if key not in described}
     if bare.get("type") == "array":
         # Points and bands: each number within may be a range of its own.
-        for key in ("items", "prefixItems"):
-            if key in bare:
-                inner = bare[key]
-                bare[key] = (
-                    [_or_range(cast("dict[str, Any]", item)) for item in cast("list[object]", inner)]
-                    if isinstance(inner, list)
-                    else _or_range(cast("dict[str, Any]", inner))
-                )
+        if "items" in bare:
+            bare["items"] = _or_range(bare["items"])
+        if "prefixItems" in bare:
+            bare["prefixItems"] = [_or_range(one) for one in bare["prefixItems"]]
     return {**described, "anyOf": [bare, {"$ref": "#/$defs/Range"}]}
