@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import lru_cache
+from functools import lru_cache, wraps
 from typing import Any, ParamSpec, cast
 
 import numpy as np
@@ -46,6 +46,7 @@ def built_once(build: Callable[_Arguments, Prop]) -> Callable[_Arguments, Prop]:
     """Keep the props of a function without randomness by its arguments, with one mesh per material; read-only."""
 
     @lru_cache(maxsize=128)
+    @wraps(build)
     def build_once(*arguments: _Arguments.args, **named: _Arguments.kwargs) -> Prop:
         return merged_by_material(build(*arguments, **named), frozen=True)
 

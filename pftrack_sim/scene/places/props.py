@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise, product
+from typing import Any
 
 import numpy as np
 
@@ -356,29 +357,17 @@ def _smooth(points: FloatArray) -> FloatArray:
     return np.vstack([*pieces, points[-1:]])
 
 
-RANDOM: dict[str, Callable[..., Prop]] = {
-    "bicycle-stand": bicycle_stand,
-    "carton-stack": carton_stack,
-    "drums": drums,
-    "house": house,
-    "parasol-table": parasol_table,
-    "planter": planter,
-    "potted-plant": potted_plant,
-    "rack": rack,
-    "tree": tree,
-    "trolley": trolley,
-    "wall-picture": wall_picture,
-}
+def _by_name(*builds: Any) -> dict[str, Callable[..., Prop]]:
+    """Functions by the names of their props in files of places: "bicycle-stand"."""
+    return {build.__name__.replace("_", "-"): build for build in builds}
+
+
+RANDOM = _by_name(
+    bicycle_stand, carton_stack, drums, house, parasol_table, planter, potted_plant, rack, tree, trolley, wall_picture
+)
 """Props that take a random generator before their arguments."""
 
-BUILT: dict[str, Callable[..., Prop]] = {
-    "advertising-column": advertising_column,
-    "framed-poster": framed_poster,
-    "gravel-walk": gravel_walk,
-    "hedge": hedge,
-    "lamp-post": lamp_post,
-    "pallet-pile": pallet_pile,
-    "signboard": signboard,
-    "station-front": station_front,
-}
+BUILT = _by_name(
+    advertising_column, framed_poster, gravel_walk, hedge, lamp_post, pallet_pile, signboard, station_front
+)
 """Props of one shape for the same arguments."""
