@@ -9,7 +9,7 @@ with is taken (RANSAC), so that people are left out while they fill less than ha
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -107,14 +107,13 @@ class MotionMeter:
         occupied = len(np.unique(cells[static]))
         wide = len(np.unique(cells[static] % _CELLS[0])) >= _LEAST_COLUMNS
         stops = _stops(before, grey, first[static], second[static])
-        if static.sum() < _LEAST or static.mean() < _LEAST_SHARE or occupied < _LEAST_CELLS or not wide:
-            return Step(
-                unknown, nothing.parts, unknown[:2], len(first), float(static.mean()), occupied, stops, difference
-            )
+        seen = replace(nothing, share=float(static.mean()), cells=occupied, stops=stops)
+        if static.sum() < _LEAST or seen.share < _LEAST_SHARE or occupied < _LEAST_CELLS or not wide:
+            return seen
         parts = np.array([_robust(middle, flow, static & part, pixel)[0] for part in _parts(cells)])
         rows = 0.5 * (first + second)[:, 1] / grey.shape[0] - 0.5
         sheared = _robust(middle, flow, loose, pixel, rows)[0][-2:]
-        return Step(rotation[:3], parts[:, :3], sheared, len(first), float(static.mean()), occupied, stops, difference)
+        return replace(seen, rotation=rotation[:3], parts=parts[:, :3], sheared=sheared)
 
 
 def _followed(

@@ -32,11 +32,9 @@ def frame_count(settings: ResolvedScenario, seed: int) -> int:
 
 def _sent(share: float) -> Iterator[int]:
     """Indices of the frames sent, spaced as evenly as a share of the captured frames allows."""
-    if share >= 1.0:
-        yield from itertools.count()
     for number in itertools.count():
         # Rounded first: rounding errors of the quotient must not move the ceiling.
-        yield math.ceil(round(number / share, 9))
+        yield math.ceil(round(number / min(share, 1.0), 9))
 
 
 def _received(axis: StreamAxis, sent: Iterator[int], seed: int) -> Iterator[int]:

@@ -7,6 +7,7 @@ person's box ends at the body, and what is carried in front of it occludes it.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -31,10 +32,7 @@ def add_props(spec: mujoco.MjSpec, carried: Iterable[Carried]) -> None:
         colour = (*(channel / 255.0 for channel in one.colour), 1.0)
         darker = (*(0.7 * channel for channel in colour[:3]), 1.0)
         body = spec.worldbody.add_body(name=one.item, mocap=True, pos=[0.0, 0.0, _HIDDEN_Z_M])
-
-        def add(body: mujoco.MjsBody = body, **shape: object) -> None:
-            body.add_geom(group=SCENERY_GROUP, **NO_CONTACT, **shape)
-
+        add = partial(body.add_geom, group=SCENERY_GROUP, **NO_CONTACT)
         match one.item:
             case "bag":
                 add(type=_BOX, size=[0.16, 0.05, 0.165], pos=[0.0, 0.0, -0.315], rgba=colour)
