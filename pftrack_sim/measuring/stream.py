@@ -4,24 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
+import cv2
 import numpy as np
 import scipy
 
 from pftrack_sim.core.image_files import MAX_FILE_BYTES
 from pftrack_sim.core.inputs import read_bytes
-from pftrack_sim.core.types import FloatArray
 from pftrack_sim.formats.images import ImageFiles
 from pftrack_sim.measuring.material import Material
 from pftrack_sim.measuring.measured import Quantity
 from pftrack_sim.measuring.motion import Step
-
-_QUANTISATION = (
-    *(16, 11, 12, 14, 12, 10, 16, 14, 13, 14, 18, 17, 16, 19, 24, 40, 26, 24, 22, 22, 24, 49),
-    *(35, 37, 29, 40, 58, 51, 61, 60, 57, 51, 56, 55, 64, 72, 92, 78, 64, 68, 87, 69, 55, 56),
-    *(80, 109, 81, 87, 95, 98, 103, 104, 103, 62, 77, 113, 121, 112, 100, 120, 92, 101, 103, 99),
-)  # fmt: skip
-"""Luminance at quality 50, in zigzag order (ITU-T T.81, table K.1)."""
 
 
 def measure_stream(material: Material, steps: Sequence[Step]) -> tuple[list[Quantity], list[str]]:
@@ -76,12 +70,18 @@ def _share(hits: int, trials: int) -> tuple[float, float]:
 
 def jpeg_quality(content: bytes) -> int | None:
     """Quality from 1 to 100 of a JPEG file that scales the standard's table; None for other files and tables."""
+    return _qualities().get(_luminance_table(content)) if content.startswith(b"\xff\xd8") else None
+
+
+def _luminance_table(content: bytes) -> bytes:
+    """Number and content of the first table in a JPEG file, which is that of luminance."""
     place = content.find(b"\xff\xdb")
-    if content[:2] != b"\xff\xd8" or place < 0 or len(content) < place + 69 or content[place + 4] != 0:
-        return None
-    table: FloatArray = np.frombuffer(content[place + 5 : place + 69], np.uint8).astype(float)
-    for quality in range(100, 0, -1):
-        scale = 5000 // quality if quality < 50 else 200 - 2 * quality
-        if (np.clip((np.array(_QUANTISATION) * scale + 50) // 100, 1, 255) == table).all():
-            return quality
-    return None
+    return content[place + 4 : place + 69] if place >= 0 else b""
+
+
+@cache
+def _qualities() -> dict[bytes, int]:
+    """Qualities by their tables: OpenCV scales those of ITU-T T.81, K.1, as most do."""
+    grey = np.zeros((8, 8), np.uint8)
+    written = ((one, cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, one])[1]) for one in range(1, 101))
+    return {_luminance_table(content.tobytes()): quality for quality, content in written}
