@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +20,13 @@ def colours(model: Any) -> FloatArray:
     by_material = (model.geom_matid >= 0) & (model.geom_rgba == _UNSET_RGBA).all(axis=1)
     rgba[by_material] = model.mat_rgba[model.geom_matid[by_material]]
     return rgba
+
+
+def quaternion(rotation: FloatArray) -> FloatArray:
+    """`(4,)` quaternion of a rotation matrix `(3, 3)`."""
+    found = np.empty(4)
+    mujoco.mju_mat2Quat(found, np.ascontiguousarray(rotation).ravel())
+    return found
 
 
 def mesh_corners(model: Any, mesh: int) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:

@@ -11,7 +11,7 @@ import numpy as np
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.scenario.model import MjcfPlace
-from pftrack_sim.scene.compiled_model import colours, mesh_corners, texture_image
+from pftrack_sim.scene.compiled_model import colours, mesh_corners, quaternion, texture_image
 from pftrack_sim.scene.places.builder import Item
 from pftrack_sim.scene.places.meshes import TexturedMesh
 from pftrack_sim.scene.places.navigation import area_of, floor_height_m, grid_of
@@ -65,10 +65,8 @@ def read_mjcf(place: MjcfPlace) -> Room:
                 _mesh(model, int(model.geom_dataid[geom]), name, data.geom_xmat[geom].reshape(3, 3), position)
             )
             continue
-        quaternion = np.empty(4)
-        mujoco.mju_mat2Quat(quaternion, data.geom_xmat[geom])
         form = {"type": _GEOM(int(model.geom_type[geom])), "size": model.geom_size[geom].tolist(), "material": name}
-        solids.append(Solid(owners[geom], {**form, "pos": position, "quat": quaternion}))
+        solids.append(Solid(owners[geom], {**form, "pos": position, "quat": quaternion(data.geom_xmat[geom])}))
     items += [Item(owner, tuple(parts)) for owner, parts in meshes.items()]
     return Room(area, tuple(items), tuple(solids), surfaces, _lights(model, data, floor_m))
 

@@ -17,7 +17,7 @@ import numpy as np
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import BoolArray, FloatArray
-from pftrack_sim.scene.compiled_model import colours, mesh_corners, texture_image
+from pftrack_sim.scene.compiled_model import colours, mesh_corners, quaternion, texture_image
 from pftrack_sim.scene.layout import GROUND, HIDDEN_ROBOT_GROUP, ROBOT_GROUP
 from pftrack_sim.scene.robot_file.reading import compile_file
 from pftrack_sim.scene.robot_file.roles import (
@@ -223,7 +223,7 @@ def add_fitted(spec: SceneSpec, fitted: FittedRobot, fovy_deg: float) -> None:
             name=f"robot/geom-{geom}",
             type=kind,
             pos=fitted.positions_m[geom] - anchors[owner],
-            quat=_quaternion(fitted.rotations[geom]),
+            quat=quaternion(fitted.rotations[geom]),
             rgba=model.geom_rgba[geom],
             material=materials.get(int(model.geom_matid[geom]), ""),
             group=ROBOT_GROUP if drawn else HIDDEN_ROBOT_GROUP,
@@ -232,7 +232,7 @@ def add_fitted(spec: SceneSpec, fitted: FittedRobot, fovy_deg: float) -> None:
             **({"meshname": f"robot/mesh-{mesh}"} if is_mesh else {"size": model.geom_size[geom]}),
         )
     pose, owner = fitted.T_base_camera, fitted.camera_owner
-    place, quat = pose[:3, 3] - anchors[owner], _quaternion(pose[:3, :3] * (1.0, -1.0, -1.0))
+    place, quat = pose[:3, 3] - anchors[owner], quaternion(pose[:3, :3] * (1.0, -1.0, -1.0))
     bodies[owner].add_camera(name="robot/camera", pos=place, quat=quat, fovy=fovy_deg)
 
 
@@ -257,9 +257,3 @@ def _add_materials(spec: SceneSpec, model: Any, used: list[int]) -> dict[int, st
 @lru_cache(maxsize=256)
 def _mesh(fitted: FittedRobot, mesh: int) -> bytes:
     return mesh_file(*mesh_corners(fitted.model, mesh))
-
-
-def _quaternion(rotation: FloatArray) -> FloatArray:
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
-    return quaternion

@@ -6,8 +6,9 @@ Its mast is as long as the height of the scenario's camera asks, and its springs
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import Any
 
 import mujoco
@@ -72,11 +73,8 @@ class Mast:
 
     def carried_kg(self, pole_kg: float) -> float:
         """Mass of all that the suspension carries."""
-        total = 0.0
         # One by one: `sum` rounds in another way since Python 3.12.
-        for kg in (*self.sprung_kg[0], pole_kg, *self.sprung_kg[1]):
-            total += kg
-        return total
+        return reduce(operator.add, (*self.sprung_kg[0], pole_kg, *self.sprung_kg[1]))
 
 
 @lru_cache(maxsize=4)
