@@ -106,6 +106,10 @@ def test_similarity_limits():
     assert similar_outfit(rng(2), reference, 1.0) == reference
     dissimilar = similar_outfit(rng(2), reference, 0.0)
     assert np.linalg.norm(np.subtract(dissimilar.top.colour, reference.top.colour)) > 80
+    alike = similar_outfit(rng(2), reference, 0.999)
+    assert replace(alike, top=reference.top, bottom=reference.bottom, shoes=reference.shoes) == reference, (
+        "cut, lengths"
+    )
 
 
 def test_atlas_is_an_image_and_repeatable():
