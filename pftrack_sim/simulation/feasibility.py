@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.groups import group_members
+from pftrack_sim.agents.pedestrians.groups import group_places
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.outline import Outline
 from pftrack_sim.agents.pedestrians.target import SEAT_FACING_RAD, SITTING_FROM_S, mean_speed_m_s, places_alone
@@ -184,7 +184,10 @@ def meeting_problems(settings: ResolvedScenario, path: Path, seats: Sequence[Sea
         if math.hypot(x - seat.x_m, y - seat.y_m) > _MISSED_M:
             lines.append(f"target.{title(index, action)}: the robot keeps it from its seat")
     met = {
-        f"groups.{index}": [member.track(run.times_s) for member in group_members([group], path)]
+        f"groups.{index}": [
+            np.array([place(time_s, 0.0)[:2] for time_s in run.times_s.tolist()])
+            for place in group_places([group], path)
+        ]
         for index, group in enumerate(settings.groups)
         if not isinstance(group, Companions)
     }

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.groups import group_members
+from pftrack_sim.agents.pedestrians.groups import group_places
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.agents.pedestrians.target import mean_speed_m_s
 from pftrack_sim.agents.pushed_thing import PushedWay
@@ -80,9 +80,9 @@ def overview(settings: ResolvedScenario, seed: int) -> Overview:
         found = replace(found, run=run)
         suspicious += _long_unseen(settings, found.layout, run) + _ends(settings, path, run)
         plan = make_plan(settings, seed, found.layout, path, seats, script)
-        members = group_members([one for one in settings.groups if not isinstance(one, Companions)], path)
+        members = group_places([one for one in settings.groups if not isinstance(one, Companions)], path)
         waiting = [*plan.crossings, *plan.carts, *plan.oncoming]
-        people = [*(one.waiting_m for one in waiting), *(tuple(one.track(np.zeros(1))[0].tolist()) for one in members),
+        people = [*(one.waiting_m for one in waiting), *(place(0.0, 0.0)[:2] for place in members),
                   *(one.path_m[0] for one in settings.walking_targets)]  # fmt: skip
         found = replace(found, layout=plan.layout, events=tuple(_events(plan, path, run)),
                         people_m=tuple(one for one in people if one is not None))  # fmt: skip

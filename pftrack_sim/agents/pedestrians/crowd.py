@@ -25,11 +25,11 @@ from pftrack_sim.agents.pedestrians.crossing import (
     at_different_depths,
 )
 from pftrack_sim.agents.pedestrians.goals import PREDICTION_TIMES_S, GoalManager, GoalSampler, PaceChanges
-from pftrack_sim.agents.pedestrians.groups import group_members
+from pftrack_sim.agents.pedestrians.groups import GroupMember, group_places
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, VisibilityGraph, Xy
 from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, OncomingPedestrian
 from pftrack_sim.agents.pedestrians.outline import Outline
-from pftrack_sim.agents.pedestrians.target import PushedWalk, TargetWalk, walk_of
+from pftrack_sim.agents.pedestrians.target import TargetWalk, Walk, walk_of
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.axes import TargetAxis
@@ -76,23 +76,20 @@ class Crowd:
         self._target = walk_of(target_path, target, target_axis or TargetAxis())
         counts = {"distractor": distractors.count, "crosser": len(crossings), "passer": len(oncoming)}
         self.names = ("target", *(f"{kind}-{i + 1}" for kind, count in counts.items() for i in range(count)))
-        members = group_members(groups, target_path)
-        self._members = dict(enumerate(members, start=len(self.names)))
-        self.names += tuple(f"member-{i + 1}" for i in range(len(members)))
-        walks = [TargetWalk(Path(one.path_m), one.person, TargetAxis()) for one in targets]
-        self._walks: dict[int, TargetWalk | PushedWalk] = {
-            0: self._target,
-            **dict(enumerate(walks, start=len(self.names))),
-        }
-        self.names += tuple(one.name for one in targets)
-        self._scripted_throughout = len(members) + len(targets)
+        self._wanderers = slice(1, len(self.names))  # Those who react to others, except while they follow a script
+        self._walks: list[Walk] = [self._target]
+        self._walks += [TargetWalk(Path(one.path_m), one.person, TargetAxis()) for one in targets]
+        self._members = [GroupMember(place, self._target) for place in group_places(groups, target_path)]
+        led = dict(enumerate([*self._members, *self._walks[1:]], start=len(self.names)))
+        self._led: dict[int, Walk | GroupMember] = {0: self._target, **led}
+        self.names += (*(f"member-{i + 1}" for i in range(len(self._members))), *(one.name for one in targets))
         # Pedestrians, robot, carts; of each x, y, vx, vy as a row of the state.
         self._robot = len(self.names)
         self._movers = np.zeros(self._robot + 1 + len(carts), MOVER)
         self._state = self._movers.view(np.float64).reshape(len(self._movers), -1)[:, :4]
         self._headings = self._movers["heading"][: self._robot]
         self._movers["pace"] = 1.0
-        self._movers["turns"][1 : self._robot - self._scripted_throughout] = 1.0
+        self._movers["turns"][self._wanderers] = 1.0
         self._movers["extra_m"][self._robot :] = VEHICLE_EXTRA_M
         self._state[self._robot, :2] = FAR_M
         rngs = [stream(seed, f"{kind}s", i) for kind, count in counts.items() for i in range(count)]
@@ -101,17 +98,14 @@ class Crowd:
         factors = self._movers["pace"][1 : 1 + distractors.count]
         self._pace = PaceChanges(rngs_of_pace, distractors.changes_per_minute, factors)
 
-        self._store_targets()
-        occupied = [self._state[person, :2].copy() for person in self._walks]
-        for person, walk in self._walks.items():
-            mover, line = self._movers[person], walk.outline
+        self._store_led()
+        occupied = [self._state[person, :2].copy() for person in self._led]
+        for person, one in self._led.items():
+            mover, line = self._movers[person], one.outline
             mover["rear_m"], mover["front_m"], mover["extra_m"] = line
             if line != Outline():
-                ahead = np.array([math.cos(walk.heading_rad), math.sin(walk.heading_rad)])
+                ahead = np.array([math.cos(one.heading_rad), math.sin(one.heading_rad)])
                 occupied += list(self._state[person, :2] + np.linspace(line.rear_m, line.front_m, 3)[:, None] * ahead)
-        for person, member in self._members.items():
-            self._headings[person] = member.reset(self._state[person], self.target_s_m, self._state[0, :2])
-            occupied.append(self._state[person, :2].copy())
         if robot_start_m is not None:
             # The line of sight at the start is kept free: the first box holds the target, not somebody in front.
             start_m = np.asarray(robot_start_m, dtype=np.float64)
@@ -165,9 +159,7 @@ class Crowd:
     @property
     def postures(self) -> tuple[Posture, ...]:
         """Posture of each pedestrian."""
-        others = len(self.names) - 1 - self._scripted_throughout
-        throughout = (*self._members.values(), *list(self._walks.values())[1:])
-        return (self._target.posture, *[PLAIN] * others, *(one.posture for one in throughout))
+        return tuple(self._led[person].posture if person in self._led else PLAIN for person in range(self._robot))
 
     def _start_distractor(self, person: int, rng: np.random.Generator, occupied: list[FloatArray]) -> None:
         walking_speed = self._distractors.speed_m_s * float(np.clip(rng.normal(1.0, 0.12), 0.75, 1.25))
@@ -195,12 +187,11 @@ class Crowd:
     def tick(self, dt_s: float, time_s: float, robot_m: Xy, camera_m: Xy) -> None:
         """Advance by a tick that ends at `time_s`, with robot and camera (without vibration) at these places."""
         robot = self._moved_robot(dt_s, robot_m)
-        for walk in self._walks.values():
+        for walk in self._walks:
             walk.update(dt_s, robot, camera_m)
-        self._store_targets()
-        for person, member in self._members.items():
-            state, heading = self._state[person], float(self._headings[person])
-            self._headings[person] = member.update(dt_s, time_s, self.target_s_m, self._state[0, :2], state, heading)
+        for member in self._members:
+            member.update(dt_s, time_s)
+        self._store_led()
         heading_rad, outline = self._target.heading_rad, self._target.outline
         around = Surroundings(camera_m, self.target_m, robot_m, heading_rad, outline)
         self._update_scripted(dt_s, time_s, around)
@@ -249,7 +240,7 @@ class Crowd:
         self._goals.walk_and_stop(person, time_s, position, route)
 
     def _update_reactive(self, dt_s: float, time_s: float) -> None:
-        if self._robot == 1 + self._scripted_throughout:
+        if self._wanderers.stop == 1:
             return
         self._pace.update(time_s)
         self._goals.update(dt_s, time_s, self.target_s_m)
@@ -258,7 +249,7 @@ class Crowd:
     def _group(self) -> None:
         """Divide the pedestrians into reactive and scripted ones, after a phase has changed."""
         reaction = self._movers["reaction"]
-        reaction[1 : self._robot - self._scripted_throughout] = 1.0
+        reaction[self._wanderers] = 1.0
         for person, pedestrian in self._scripted.items():
             if pedestrian.phase in (Phase.SCRIPTED, Phase.WAITING):
                 reaction[person] = 0.0 if pedestrian.phase is Phase.SCRIPTED else WAITING_REACTION
@@ -273,9 +264,10 @@ class Crowd:
         ratio = min(robot_speed / max(target_speed, 0.3), 1.0)
         return np.asarray(around.camera_m) + ratio * (target - around.target_m), target
 
-    def _store_targets(self) -> None:
-        for person, walk in self._walks.items():
-            self._state[person], self._headings[person] = walk.state, walk.heading_rad
+    def _store_led(self) -> None:
+        """Store where those are who walk their way whatever others do."""
+        for person, one in self._led.items():
+            self._state[person], self._headings[person] = one.state, one.heading_rad
 
 
 def _read_only(array: FloatArray) -> FloatArray:

@@ -6,12 +6,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
-import numpy as np
-
 from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.target import hands_on_thighs
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.agents.pedestrians.outline import Outline
+from pftrack_sim.agents.pedestrians.target import Walk, hands_on_thighs
 from pftrack_sim.scenario.people import Companions, Group, Seated, Standing, Walking
 
 _RING_M = (0.45, 0.5, 0.62, 0.75)  # Radius of a ring by the number of people in it
@@ -19,6 +17,7 @@ _ABREAST_M, _LAG_M = 0.66, 0.15  # Between two who walk side by side
 _SEAT_SHARE_M = 0.62  # Between two on one bench
 _STOPPING_M_S2 = 0.8
 _TURN_RAD_S = 2.2
+_SOON_S = 0.01  # After the start, for the velocity there
 _STANDS_M_S = 0.12  # A companion slower than this looks at the target
 
 
@@ -32,7 +31,7 @@ class Stance(NamedTuple):
 
 
 Place: TypeAlias = Callable[[float, float], Stance]
-"""Stance at a time [s] and at an arc length of the target [m]."""
+"""Stance at a time [s] and at an arc length of the target [m], on which only that of companions depends."""
 
 
 class GroupMember:
@@ -40,47 +39,47 @@ class GroupMember:
 
     Args:
         place: Where it is.
+        target: Whom it walks with, or looks at.
+
+    Attributes:
+        state: x, y [m] and vx, vy [m/s].
+        heading_rad: Heading of the body.
+        posture: Posture of the body.
     """
 
-    def __init__(self, place: Place) -> None:
-        self._place = place
-        self.posture = PLAIN
+    outline = Outline()
 
-    def reset(self, state: FloatArray, target_s_m: float, target_m: FloatArray) -> float:
-        """Move `(4,)` x, y [m], vx, vy [m/s] to the start, and return the heading [rad] there."""
-        stance = self._place(0.0, target_s_m)
-        soon = self._place(0.01, target_s_m)
-        state[:] = stance.x_m, stance.y_m, (soon.x_m - stance.x_m) / 0.01, (soon.y_m - stance.y_m) / 0.01
-        return self._heading(stance, state, target_m)
+    def __init__(self, place: Place, target: Walk) -> None:
+        self._place, self._target = place, target
+        stance, soon = place(0.0, target.s_m), place(_SOON_S, target.s_m)
+        self._stand(stance, (soon.x_m - stance.x_m) / _SOON_S, (soon.y_m - stance.y_m) / _SOON_S)
+        self.heading_rad = self._wanted_rad(stance)
 
-    def track(self, times_s: FloatArray) -> FloatArray:
-        """`(T, 2)` positions [m] at `(T,)` times, of a member whose motion does not depend on the target."""
-        return np.array([self._place(time_s, 0.0)[:2] for time_s in times_s.tolist()])
+    def update(self, dt_s: float, time_s: float) -> None:
+        """Move on by a tick that ends at `time_s`, after the target."""
+        x, y, *_ = self.state
+        stance = self._place(time_s, self._target.s_m)
+        self._stand(stance, (stance.x_m - x) / dt_s, (stance.y_m - y) / dt_s)
+        turn = math.remainder(self._wanted_rad(stance) - self.heading_rad, 2.0 * math.pi)
+        self.heading_rad += min(max(turn, -_TURN_RAD_S * dt_s), _TURN_RAD_S * dt_s)
 
-    def update(
-        self, dt_s: float, time_s: float, target_s_m: float, target_m: FloatArray, state: FloatArray, heading: float
-    ) -> float:
-        """Advance the state by a tick that ends at `time_s`, and return the new heading."""
-        x, y = state[:2].tolist()
-        stance = self._place(time_s, target_s_m)
-        state[:] = stance.x_m, stance.y_m, (stance.x_m - x) / dt_s, (stance.y_m - y) / dt_s
-        turn = math.remainder(self._heading(stance, state, target_m) - heading, 2.0 * math.pi)
-        return heading + min(max(turn, -_TURN_RAD_S * dt_s), _TURN_RAD_S * dt_s)
+    def _stand(self, stance: Stance, vx: float, vy: float) -> None:
+        self.state, self.posture = (stance.x_m, stance.y_m, vx, vy), stance.posture
 
-    def _heading(self, stance: Stance, state: FloatArray, target_m: FloatArray) -> float:
-        """Take the posture of a stance, and return its heading: its own, that of the motion, or to the target."""
-        self.posture = stance.posture
+    def _wanted_rad(self, stance: Stance) -> float:
+        """The heading of a stance, that of the motion, or to the target."""
         if stance.heading_rad is not None:
             return stance.heading_rad
-        x, y, vx, vy = state.tolist()
+        x, y, vx, vy = self.state
         if math.hypot(vx, vy) > _STANDS_M_S:
             return math.atan2(vy, vx)
-        return math.atan2(target_m[1] - y, target_m[0] - x)
+        target_x, target_y = self._target.state[:2]
+        return math.atan2(target_y - y, target_x - x)
 
 
-def group_members(groups: Sequence[Group], target_path: Path) -> list[GroupMember]:
-    """The members of all groups, in their order."""
-    return [GroupMember(_place(group, index, target_path)) for group in groups for index in range(group.count)]
+def group_places(groups: Sequence[Group], target_path: Path) -> list[Place]:
+    """Where the members of all groups are, in their order."""
+    return [_place(group, index, target_path) for group in groups for index in range(group.count)]
 
 
 def _place(group: Group, index: int, target_path: Path) -> Place:

@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from pftrack_sim.agents.gait.posture import PLAIN, Arm, Posture
 from pftrack_sim.agents.path import Path
@@ -163,7 +163,10 @@ class TargetWalk:
         self.tracked_m = x + reach_m * math.cos(self.heading_rad), y + reach_m * math.sin(self.heading_rad)
 
 
-def walk_of(path: Path, target: Target, axis: TargetAxis) -> TargetWalk | PushedWalk:
+Walk: TypeAlias = TargetWalk | PushedWalk
+
+
+def walk_of(path: Path, target: Target, axis: TargetAxis) -> Walk:
     """The target on its way, at the start."""
     return PushedWalk(path) if isinstance(path, PushedWay) else TargetWalk(path, target, axis)
 
