@@ -7,7 +7,7 @@ environments and the benchmark are built on this class; it knows no actions, rew
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -96,22 +96,13 @@ class Simulation:
             ScenarioError: As `reset`.
         """
         self._begin(seed)
-        stops = [0]
-        while stops[-1] < len(commands):
-            stops.append(next(self._arrivals))
-        last = stops[-1]
-        for index in range(last):
-            if index in stops[-2:]:
-                self._take_frame()
+        before = sum(1 for _ in itertools.takewhile(lambda stop: stop < len(commands), arrivals(self.settings, seed)))
+        for left in range(before, 0, -1):
+            if left == 1:
+                self._take_frame()  # For the motion in the image since
             else:
                 self._meter()
-            command = commands[min(index, len(commands) - 1)]
-            self._collision = None if index in stops else self._collision
-            self._advance_period(command, 0.0)
-            self._collision = self._collision or self.world.collision()
-            self._record_poses()
-            self._delivered = index + 1
-        self._index = len(stops) - 1
+            self._move_on(lambda period: commands[min(period, len(commands) - 1)])
         return self._take_frame()
 
     def switch_target(self, name: str) -> None:
@@ -197,18 +188,22 @@ class Simulation:
             delay_s: Time from the last frame until the command is given; until then the one before stays in force. A
                 command that is due after the next frame is not given.
         """
+        self._move_on(lambda _: command, delay_s)
+        return self._take_frame()
+
+    def _move_on(self, command: Callable[[int], FloatArray | None], delay_s: float = 0.0) -> None:
+        """Advance to the next frame that is delivered, with the command of each camera period."""
         delivered = next(self._arrivals)
         self._collision = None
         world, rate_hz = self.world, self.settings.camera.rate_hz
         for index in range(self._delivered, delivered):
-            self._advance_period(command, delay_s - (index - self._delivered) / rate_hz)
+            self._advance_period(command(index), delay_s - (index - self._delivered) / rate_hz)
             self._collision = self._collision or world.collision()
             self._record_poses()
             if index + 1 < delivered:
                 self._meter()
         self._delivered = delivered
         self._index += 1
-        return self._take_frame()
 
     def _bind_renderers(self, world: World) -> None:
         """Draw another model or at other sizes; cameras whose images have one size share a renderer."""
