@@ -21,6 +21,7 @@ from pftrack_sim.scene.build import walkable_area
 from pftrack_sim.scene.layout import WalkableArea
 from pftrack_sim.simulation.dry_run import DryRun, dry_run
 from pftrack_sim.simulation.feasibility import planned_seats, seat_problems
+from pftrack_sim.simulation.occlusion.static import spans
 from pftrack_sim.simulation.planning import Plan, make_plan, make_script
 from pftrack_sim.simulation.target_path import target_path
 
@@ -93,14 +94,14 @@ def overview(settings: ResolvedScenario, seed: int) -> Overview:
 
 def _events(plan: Plan, path: Path, run: DryRun) -> list[Event]:
     """Planned occlusions, passes and pushes, by time."""
-    spans = [(span[0], f"{one.kind} {_span(*span)}") for one in plan.static_occluders.values() for span in one.spans_s]
-    spans += [(one.at_s, f"pedestrian {_span(one.at_s, one.until_s)}") for one in plan.crossings]
-    spans += [(one.at_s, f"cart {_span(one.at_s, one.until_s)}") for one in plan.carts]
-    spans += [(one.at_s, f"oncoming pedestrian, {one.at_s:.1f} s") for one in plan.oncoming]
+    titles = [(span[0], f"{one.kind} {_span(*span)}") for one in plan.static_occluders.values() for span in one.spans_s]
+    titles += [(one.at_s, f"pedestrian {_span(one.at_s, one.until_s)}") for one in plan.crossings]
+    titles += [(one.at_s, f"cart {_span(one.at_s, one.until_s)}") for one in plan.carts]
+    titles += [(one.at_s, f"oncoming pedestrian, {one.at_s:.1f} s") for one in plan.oncoming]
     if isinstance(path, PushedWay):
-        spans += [(at_s, f"push, {at_s:.1f} s") for at_s in path.pushed_s]
+        titles += [(at_s, f"push, {at_s:.1f} s") for at_s in path.pushed_s]
     events: list[Event] = []
-    for at_s, title in sorted(spans):
+    for at_s, title in sorted(titles):
         (camera,), (target,) = run.at(at_s)
         events.append(Event(title, (float(target[0]), float(target[1])), (float(camera[0]), float(camera[1]))))
     return events
@@ -128,9 +129,7 @@ def _long_unseen(settings: ResolvedScenario, layout: WalkableArea, run: DryRun) 
 
 def _long(times_s: FloatArray, mask: BoolArray) -> list[str]:
     """Spans of more than `_LONG_S` in which a mask holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    spans = [(times_s[begin], times_s[end - 1]) for begin, end in edges.reshape(-1, 2).tolist()]
-    return [f"from {_span(begin, end)}" for begin, end in spans if end - begin > _LONG_S]
+    return [f"from {_span(begin, end)}" for begin, end in spans(mask, times_s) if end - begin > _LONG_S]
 
 
 def _ends(settings: ResolvedScenario, path: Path, run: DryRun) -> list[str]:

@@ -8,7 +8,6 @@ vertical, and an upright thing covers it where the straight line from the camera
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -65,7 +64,7 @@ def check_times(occluder: model.Occluder, run: DryRun, name: str) -> None:
 
 def _search(occluder: model.Occluder, run: DryRun, obstacles: ObstacleMap) -> Placement | str:
     """The best placement, or the most frequent reasons why there is none."""
-    rays = _Rays.of(occluder, run)
+    rays = _Rays(occluder, run)
     sweep = max(rays.sweep_m(float(depth)) for depth in (occluder.depth, *DEPTHS))
     if sweep < 2.0 * _MIN_HALF_WIDTH_M:
         return (
@@ -99,43 +98,45 @@ def _alternative(occluder: model.Occluder, run: DryRun, obstacles: ObstacleMap) 
     return 'kind = "walker", or a route on which the target is seen more from the side'
 
 
-@dataclass(frozen=True)
 class _Rays:
-    """Lines of sight on the ground at begin, middle and end: `(3, 2)` cameras and `(3, 2)` targets."""
+    """Lines of sight on the ground at begin, middle and end of an occlusion.
 
-    camera_m: FloatArray
-    target_m: FloatArray
-    camera_z_m: float
+    Attributes:
+        camera_m: `(3, 2)` cameras.
+        target_m: `(3, 2)` targets.
+        left: `(3, 2)` unit vectors square to the lines.
+        camera_z_m: Height of the camera in the middle.
+    """
 
-    @classmethod
-    def of(cls, occluder: model.Occluder, run: DryRun) -> _Rays:
-        camera, target = run.at(occluder.at_s + occluder.duration_s * np.array([0.0, 0.5, 1.0]))
-        return cls(camera[:, :2], target, float(camera[1, 2]))
+    def __init__(self, occluder: model.Occluder, run: DryRun) -> None:
+        camera, self.target_m = run.at(occluder.at_s + occluder.duration_s * np.array([0.0, 0.5, 1.0]))
+        self.camera_m, self.camera_z_m = camera[:, :2], float(camera[1, 2])
+        way = self.target_m - self.camera_m
+        self.shortest_m = float(np.hypot(*way.T).min())
+        way = way / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+        self.left = np.stack([-way[:, 1], way[:, 0]], axis=1)
 
     def point(self, depth: float) -> FloatArray:
         """Point of the middle line at a depth."""
         return self.camera_m[1] + depth * (self.target_m[1] - self.camera_m[1])
 
+    def sides_m(self, depth: float) -> FloatArray:
+        """`(3,)` distances of that point to the left of the lines; of one sign where the first and last miss it."""
+        sides: FloatArray = ((self.point(depth) - self.camera_m) * self.left).sum(axis=1)
+        return sides
+
     def sweep_m(self, depth: float) -> float:
         """Distance between the first and the last line at a depth; 0 where they do not enclose its point."""
-        way = self.target_m - self.camera_m
-        way = way / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
-        offset = self.point(depth) - self.camera_m
-        sides = way[:, 0] * offset[:, 1] - way[:, 1] * offset[:, 0]
+        sides = self.sides_m(depth)
         return abs(float(sides[2] - sides[0])) if sides[0] * sides[2] < 0.0 else 0.0
 
 
 def _fit(occluder: model.Occluder, run: DryRun, rays: _Rays, depth: float, turn_rad: float) -> Placement | str:
     """The box at a depth that touches the first and the last line from inside, or why there is none."""
     assert occluder.kind != "walker"
-    point = rays.point(depth)
-    way = rays.target_m - rays.camera_m
-    length = np.hypot(*way.T)
-    if length.min() < 1e-6:
+    if rays.shortest_m < 1e-6:
         return "the camera stands on the target"
-    way = way / length[:, None]
-    left = np.stack([-way[:, 1], way[:, 0]], axis=1)
-    sides: FloatArray = ((point - rays.camera_m) * left).sum(axis=1)
+    point, left, sides = rays.point(depth), rays.left, rays.sides_m(depth)
     if sides[0] * sides[2] >= 0.0:
         return _NOT_MONOTONIC
     yaw = float(np.arctan2(left[1, 1], left[1, 0]) + turn_rad)
