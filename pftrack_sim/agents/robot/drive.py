@@ -90,8 +90,8 @@ class Drive:
 
     Args:
         model: Compiled from a spec that went through `add_robot` with the same `robot` and `camera`.
-        calibration: Wheel radii and track that the odometry assumes; None for the true ones.
-        equilibrium: Of the same robot; None computes it in this model, in more time.
+        calibration: Wheel radii and track that the odometry assumes.
+        equilibrium: Of the same robot, perhaps in another model.
     """
 
     def __init__(
@@ -99,13 +99,11 @@ class Drive:
         model: mujoco.MjModel,
         robot: scenario.Robot,
         camera: Camera,
-        calibration: OdometryCalibration | None = None,
-        equilibrium: Equilibrium | None = None,
+        calibration: OdometryCalibration,
+        equilibrium: Equilibrium,
     ) -> None:
-        self._model = model
-        self._equilibrium = equilibrium or Equilibrium(model)
-        self._wheels = self._equilibrium.wheels
-        self._calibration = calibration if calibration is not None else self._wheels
+        self._model, self._equilibrium = model, equilibrium
+        self._wheels, self._calibration = equilibrium.wheels, calibration
         self.beams_rad, self.range_m = robot.range_finder.angles_rad, robot.range_finder.range_m
         self._beams = np.stack([np.cos(self.beams_rad), np.sin(self.beams_rad), 0.0 * self.beams_rad], axis=1)
         self._beam_groups = np.zeros(6, dtype=np.uint8)
@@ -117,7 +115,6 @@ class Drive:
         self._highest: list[float] = self.limits.tolist()
         self._rest_rad = (REST_YAW_RAD[camera.mount], math.radians(camera.tilt_deg))
         self._base = model.body(BASE).id
-        self._camera = model.camera(CAMERA).id
         joints = [model.joint(name) for name in _JOINTS]
         self._joints = [int(joint.qposadr[0]) for joint in joints]
         self._head_range: list[list[float]] = np.array([joint.range for joint in joints[2:]]).tolist()
@@ -240,15 +237,6 @@ class Drive:
             return x, y, math.remainder(third, 2.0 * math.pi)
         return x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
 
-    def camera_pose(self, data: mujoco.MjData) -> FloatArray:
-        """`(4, 4)` T_world_camera, axes as OpenCV: x right, y down, z forward.
-
-        Updates the poses of bodies, geoms and cameras in `data`: after `mj_step` they are one step old.
-        """
-        mujoco.mj_kinematics(self._model, data)
-        mujoco.mj_camlight(self._model, data)
-        return pose_of_camera(data, self._camera)
-
     def camera_mount(self, pan_rad: float, tilt_rad: float) -> FloatArray:
         """`(4, 4)` T_base_camera that angles of the head tell of a robot at rest, without the sway of its mast.
 
@@ -347,9 +335,7 @@ class Equilibrium:
         scratch = mujoco.MjData(self._model)
         scratch.qpos[self._qpos] = self.at(np.zeros(2))
         scratch.qpos[self._joints[2:]] = pan_rad, tilt_rad
-        mujoco.mj_kinematics(self._model, scratch)
-        mujoco.mj_camlight(self._model, scratch)
-        return pose_of_camera(scratch, self._model.camera(CAMERA).id)
+        return camera_pose(self._model, scratch)
 
     def _settle(self, head: bytes) -> FloatArray:
         head_rad = np.frombuffer(head)
@@ -365,11 +351,17 @@ class Equilibrium:
         return rest
 
 
-def pose_of_camera(data: mujoco.MjData, camera: int) -> FloatArray:
-    """`(4, 4)` T_world_camera, axes as OpenCV; MuJoCo's y points up and its z backwards."""
-    pose = _IDENTITY.copy()
-    pose[:3, :3] = data.cam_xmat[camera].reshape(3, 3) * _OPENCV_AXES
-    pose[:3, 3] = data.cam_xpos[camera]
+def camera_pose(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
+    """`(4, 4)` T_world_camera, axes as OpenCV: x right, y down, z forward.
+
+    Updates the poses of bodies, geoms and cameras in `data`: after `mj_step` they are one step old.
+    """
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    camera, pose = data.camera(CAMERA), _IDENTITY.copy()
+    # MuJoCo's y points up and its z backwards.
+    pose[:3, :3] = camera.xmat.reshape(3, 3) * _OPENCV_AXES
+    pose[:3, 3] = camera.xpos
     return pose
 
 

@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike
 from pftrack_sim.agents.clock import Clock
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.obstacle_map import Xy
-from pftrack_sim.agents.robot.drive import Drive, Equilibrium, pose_of_camera
+from pftrack_sim.agents.robot.drive import Drive, Equilibrium, camera_pose
 from pftrack_sim.agents.robot.road import RoadExcitation
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.core.types import FloatArray, IntArray
 from pftrack_sim.scenario import ResolvedScenario
-from pftrack_sim.scene.robot import BASE, CAMERA
+from pftrack_sim.scene.robot import BASE
 
 Speeds: TypeAlias = tuple[float, float, float, float]  # Forward speed [m/s], turn, pan and tilt rate [rad/s]
 _AT_REST: Speeds = (0.0, 0.0, 0.0, 0.0)
@@ -105,9 +105,10 @@ class Robot:
 
         Updates the poses of bodies, geoms and cameras in `data`; they may be left out if the caller does so next.
         """
+        model, posed = self._model, data
         if posed_next and self._stepped_alone:
-            return SceneState(time_s, self.drive.pose(data), self._alone.camera_pose())
-        return SceneState(time_s, self.drive.pose(data), self.drive.camera_pose(data))
+            model, posed = self._alone.model, self._alone.data
+        return SceneState(time_s, self.drive.pose(data), camera_pose(model, posed))
 
     def update(
         self, dt_s: float, state: SceneState, crowd: Crowd, command: ArrayLike | None = None, delay_s: float = 0.0
@@ -197,18 +198,11 @@ class _RobotAlone:
     def __init__(self, scene: mujoco.MjModel, model: mujoco.MjModel) -> None:
         self.model, self.data, self._scene = model, mujoco.MjData(model), scene
         self._state = np.empty(mujoco.mj_stateSize(model, _STATE))
-        self._camera = int(model.camera(CAMERA).id)
 
     def load(self, data: mujoco.MjData) -> None:
         """Take time, positions, velocities and commands from the scene."""
         mujoco.mj_getState(self._scene, data, self._state, _STATE)
         mujoco.mj_setState(self.model, self.data, self._state, _STATE)
-
-    def camera_pose(self) -> FloatArray:
-        """See `Drive.camera_pose`; after the steps, of this model's state."""
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_camlight(self.model, self.data)
-        return pose_of_camera(self.data, self._camera)
 
     def store(self, data: mujoco.MjData) -> None:
         """Write these, and the sensors, into the scene."""

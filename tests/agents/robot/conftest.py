@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pftrack_sim.agents.robot.drive import Drive
+from pftrack_sim.agents.robot.drive import Drive, Equilibrium, camera_pose
 from pftrack_sim.scenario.camera import Camera
 from pftrack_sim.scenario.robot import Robot, StillRoute
 from pftrack_sim.scene.robot import RobotForm, add_robot
@@ -35,7 +35,7 @@ class Lab:
         rows = []
         for _ in range(round(seconds / TICK_S)):
             self.tick(**speeds)
-            T = self.drive.camera_pose(self.data)
+            T = camera_pose(self.model, self.data)
             rows.append((*self.drive.pose(self.data), *T[:3, 3], np.arcsin(T[2, 2]), np.arctan2(-T[2, 0], -T[2, 1])))
         return np.array(rows)
 
@@ -63,7 +63,8 @@ def lab() -> Callable[..., Lab]:
         add_robot(spec, RobotForm.of(robot, eye))
         model = spec.compile()
         data = mujoco.MjData(model)
-        drive = Drive(model, robot, eye)
+        rest = Equilibrium(model)
+        drive = Drive(model, robot, eye, rest.wheels, rest)
         drive.reset(data, 0.0, 0.0, 0.0)
         return Lab(robot, eye, model, data, drive, steps)
 

@@ -5,6 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from pftrack_sim.agents.robot.drive import camera_pose
 from pftrack_sim.scenario.robot import Robot, StillRoute
 from pftrack_sim.scene.layout import HIDDEN_ROBOT_GROUP, ROBOT_GROUP
 from pftrack_sim.scene.robot_file.motorised import GRAVITY_M_S2, mast_of
@@ -28,7 +29,7 @@ def test_robot_at_rest_is_level_with_the_camera_at_its_height(lab: Callable, hei
     up = world.data.body("robot/base").xmat.reshape(3, 3)[:, 2]
     assert math.acos(min(1.0, up[2])) < math.radians(0.1)
     yaw = {"front": 0.0, "left": math.pi / 2, "right": -math.pi / 2}[mount]
-    forward = world.drive.camera_pose(world.data)[:3, 2]
+    forward = camera_pose(world.model, world.data)[:3, 2]
     assert abs(math.atan2(forward[1], forward[0]) - yaw) < 1e-3
 
 
@@ -68,7 +69,7 @@ def test_robot_geoms_collide_only_with_scenery_and_people(lab: Callable):
 def test_robot_is_out_of_the_camera_s_view_at_rest(lab: Callable, mount, fovy_deg, tilt_deg):
     world = lab(mount=mount, fovy_deg=fovy_deg, tilt_deg=tilt_deg)
     model, data = world.model, world.data
-    T = world.drive.camera_pose(data)
+    T = camera_pose(world.model, data)
     half = math.tan(math.radians(fovy_deg) / 2)
     visible_groups = np.zeros(6, dtype=np.uint8)
     visible_groups[[0, ROBOT_GROUP]] = 1

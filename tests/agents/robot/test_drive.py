@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pftrack_sim.agents.robot.drive import ACCELERATION
+from pftrack_sim.agents.robot.drive import ACCELERATION, camera_pose
 from pftrack_sim.agents.robot.steering import Steering
 from pftrack_sim.core.proprioception import BEAMS, PROPRIO_INDEX, PROPRIO_NAMES, RANGE_M, proprio_high
 from pftrack_sim.scenario.robot import Robot, StillRoute
@@ -88,7 +88,7 @@ def test_the_head_reaches_its_rate_and_then_stops(lab: Callable, joint: str, rat
 def test_signs_of_pan_and_tilt(lab: Callable):
     world = lab()
     world.run(0.5, pan=1.0, tilt=0.5)
-    forward = world.drive.camera_pose(world.data)[:3, 2]
+    forward = camera_pose(world.model, world.data)[:3, 2]
     assert forward[1] > 0.1  # to the left
     assert forward[2] > 0.05  # upwards
 
@@ -107,7 +107,7 @@ def test_head_stops_at_its_range(lab: Callable):
 def test_camera_frame_is_opencv(lab: Callable, mount: str):
     world = lab(mount=mount, tilt_deg=-10.0)
     world.drive.reset(world.data, 2.0, -1.0, 0.7)
-    T = world.drive.camera_pose(world.data)
+    T = camera_pose(world.model, world.data)
     assert abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() < 1e-12
     assert np.linalg.det(T[:3, :3]) == pytest.approx(1.0)
     bearing = 0.7 + (math.pi / 2 if mount == "left" else 0.0)
@@ -127,7 +127,7 @@ def test_reset_sets_the_pose(lab: Callable):
     assert world.drive.pose(world.data) == pytest.approx((3.0, -2.0, -2.5), abs=1e-3)
     rest = world.run(1.0)
     assert np.ptp(rest[:, :6], axis=0).max() < 1e-4
-    forward = world.drive.camera_pose(world.data)[:3, 2]
+    forward = camera_pose(world.model, world.data)[:3, 2]
     assert math.atan2(forward[1], forward[0]) == pytest.approx(-2.1, abs=1e-3)
 
 
@@ -138,7 +138,7 @@ def test_measurements_do_not_change_the_state(lab: Callable):
             world.tick(1.0, 0.5 * math.sin(index))
         for _ in range(3):
             observed.drive.proprio(observed.data)
-            observed.drive.camera_pose(observed.data)
+            camera_pose(observed.model, observed.data)
             observed.drive.collision(observed.data)
             observed.drive.pose(observed.data)
     assert observed.data.qpos.tobytes() == reference.data.qpos.tobytes()

@@ -9,7 +9,7 @@ import pytest
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
-from pftrack_sim.agents.robot.drive import ACCELERATION
+from pftrack_sim.agents.robot.drive import ACCELERATION, camera_pose
 from pftrack_sim.agents.robot.head import Events, Head, Wander, bearing, gaze_rate
 from pftrack_sim.agents.robot.lane import CLEARANCE_M, Lane, Nearness
 from pftrack_sim.agents.robot.script import Script, Stops
@@ -149,7 +149,7 @@ def test_the_drive_stays_within_its_limits(lab: Callable[..., Any]):
     poses = []
     for tick in range(8 * 60):
         time_s, pose = tick / 60, world.drive.pose(world.data)
-        T, target = world.drive.camera_pose(world.data), (WALK_M_S * time_s, 0.0)
+        T, target = camera_pose(world.model, world.data), (WALK_M_S * time_s, 0.0)
         poses.append((*pose, math.atan2(T[1, 2], T[0, 2])))
         world.tick(*script.drive(time_s, pose, target[0]), *script.gaze(T, target, 1 / 60, time_s))
     x, y, heading, yaw = np.unwrap(np.array(poses), axis=0).T

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from pftrack_sim.agents.robot.drive import camera_pose
 from pftrack_sim.agents.robot.road import (
     LONGEST_M,
     LOOP_M,
@@ -120,7 +121,7 @@ def test_a_sill_lifts_the_camera_as_far_as_its_springs_say(lab: Callable[..., An
             road.write(robot.data)
             mujoco.mj_step(robot.model, robot.data)
         moved.append(road.bumps(robot.data)[0][:2])
-        camera_m.append(robot.drive.camera_pose(robot.data)[2, 3])
+        camera_m.append(camera_pose(robot.model, robot.data)[2, 3])
     # With both wheels on a sill, wheels and casters share the lift as their springs; it is too small to lift a caster.
     wanted = 2e-3 * WHEEL_SPRING_N_M / (WHEEL_SPRING_N_M + CASTER_SPRING_N_M)
     on_top = np.array(moved).min(axis=1) > 1.99e-3

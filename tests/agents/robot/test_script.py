@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.path import Path
+from pftrack_sim.agents.robot.drive import camera_pose
 from pftrack_sim.agents.robot.script import Script
 from pftrack_sim.scenario.robot import BesideRoute, Robot, StillRoute, TrailRoute, WaypointRoute
 
@@ -23,7 +24,7 @@ def follow(lab: Callable, robot: Robot, points, seconds: float, speed: float = 1
     for tick in range(round(seconds / TICK_S)):
         s = min(speed * tick * TICK_S, path.length_m)
         target = np.array(path.at(s)[:2])
-        T, pose = world.drive.camera_pose(world.data), world.drive.pose(world.data)
+        T, pose = camera_pose(world.model, world.data), world.drive.pose(world.data)
         seen = T[:3, :3].T @ (np.array([*target, 1.1]) - T[:3, 3])
         rows["pose"].append(pose)
         rows["bearing"].append(math.atan2(seen[0], seen[2]))
@@ -95,7 +96,7 @@ def test_forward_gaze_holds_the_mount(lab: Callable):
     world = lab(robot=robot, mount="left")
     script = Script(robot, Path(STRAIGHT), 1.2)
     assert script.start_pose().pan_rad is None
-    assert script.gaze(world.drive.camera_pose(world.data), (9.0, 9.0), TICK_S) == (0.0, 0.0)
+    assert script.gaze(camera_pose(world.model, world.data), (9.0, 9.0), TICK_S) == (0.0, 0.0)
 
 
 def test_in_a_bend_sharper_than_the_offset_the_robot_waits(lab: Callable):
