@@ -21,7 +21,7 @@ import numpy as np
 
 from pftrack_sim.agents.pedestrians.avoidance import BARRIER_RATE_S, WALL_DISTANCE_M
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
-from pftrack_sim.agents.pedestrians.outline import Outline
+from pftrack_sim.agents.pedestrians.target import Walk
 from pftrack_sim.core.types import FloatArray
 
 WALKER_HALF_WIDTH_M = 0.22  # Effective half width of a person, averaged over viewing directions.
@@ -208,24 +208,32 @@ class Phase(Enum):
 
 
 class Surroundings(NamedTuple):
-    """Positions x, y [m] on the ground at the end of a tick, and how the target lies there."""
+    """Positions x, y [m] of camera and robot on the ground at the end of a tick, and the target there."""
 
     camera_m: Xy
-    target_m: Xy
     robot_m: Xy
-    target_heading_rad: float = 0.0
-    outline: Outline = Outline()
+    target: Walk
+
+    @property
+    def target_m(self) -> Xy:
+        """x, y of the target [m]."""
+        return self.target.state[:2]
 
     @property
     def reach_m(self) -> float:
         """How much farther the target reaches towards the camera than a person on foot."""
         (x, y), (target_x, target_y) = self.camera_m, self.target_m
-        return self.outline.reach_m(self.target_heading_rad, math.atan2(y - target_y, x - target_x))
+        return self.target.outline.reach_m(self.target.heading_rad, math.atan2(y - target_y, x - target_x))
 
     def off_target(self, point_m: Xy, distance_m: float) -> Xy:
         """The point, or the nearest at that distance from the target, to which its outline adds."""
-        nearest_m = self.outline.nearest(self.target_m, self.target_heading_rad, point_m)
-        return outside_circle(point_m, nearest_m, distance_m + self.outline.extra_m)
+        outline = self.target.outline
+        nearest_m = outline.nearest(self.target_m, self.target.heading_rad, point_m)
+        return outside_circle(point_m, nearest_m, distance_m + outline.extra_m)
+
+    def off_robot(self, point_m: Xy, distance_m: float) -> Xy:
+        """The point, or the nearest at that distance from the robot."""
+        return outside_circle(point_m, self.robot_m, distance_m)
 
 
 class _Crosser:
@@ -235,6 +243,12 @@ class _Crosser:
         self.crossing, self._obstacles = crossing, obstacles
         self.state, self.phase = state, Phase.WAITING
         self._trajectory = OcclusionTrajectory(crossing)
+
+    def _wanted_m(self, dt_s: float, time_s: float, around: Surroundings) -> Xy | None:
+        """Where the trajectory leads in a tick; None while it waits."""
+        x, y, vx, vy = self.state.tolist()
+        sight = around.camera_m, around.target_m
+        return self._trajectory.update(dt_s, time_s, *sight, (x, y), (vx, vy), around.reach_m)
 
 
 class CrossingPedestrian(_Crosser):
@@ -247,14 +261,13 @@ class CrossingPedestrian(_Crosser):
         crossing, trajectory = self.crossing, self._trajectory
         if time_s + 3.0 * dt_s < crossing.start_s:
             return  # The start needs the trajectory of the last ticks.
-        x, y, vx, vy = self.state.tolist()
-        desired = trajectory.update(dt_s, time_s, around.camera_m, around.target_m, (x, y), (vx, vy), around.reach_m)
+        desired = self._wanted_m(dt_s, time_s, around)
         if desired is None:
             return
         self.phase = Phase.SCRIPTED
         if not crossing.at_s <= time_s <= crossing.until_s:
             detour = around.off_target(desired, _CROSSING_TARGET_DISTANCE_M)
-            detour = outside_circle(detour, around.robot_m, _CROSSING_ROBOT_DISTANCE_M)
+            detour = around.off_robot(detour, _CROSSING_ROBOT_DISTANCE_M)
             # After the cover, timing does not matter: the pedestrian is released as soon as anything is in its way.
             if trajectory.finished(time_s) or (time_s > crossing.until_s and self._blocked(dt_s, desired, detour)):
                 self.phase = Phase.RELEASED
@@ -292,9 +305,7 @@ class Cart(_Crosser):
 
     def update(self, dt_s: float, time_s: float, around: Surroundings) -> None:
         """Advance phase and state by one tick that ends at `time_s`."""
-        crossing, trajectory = self.crossing, self._trajectory
-        x, y, vx, vy = self.state.tolist()
-        desired = trajectory.update(dt_s, time_s, around.camera_m, around.target_m, (x, y), (vx, vy), around.reach_m)
+        crossing, desired = self.crossing, self._wanted_m(dt_s, time_s, around)
         (camera_x, camera_y), (target_x, target_y) = around.camera_m, around.target_m
         sight_rad = math.atan2(target_y - camera_y, target_x - camera_x)
         if not self._faces:
@@ -306,15 +317,16 @@ class Cart(_Crosser):
             turn_rad = math.remainder(sight_rad - self.yaw_rad, 2.0 * math.pi)
             self.yaw_rad += min(dt_s / _CART_YAW_TIME_CONSTANT_S, 1.0) * turn_rad
         else:
+            x, y, vx, vy = self.state.tolist()
             speed = math.hypot(vx, vy)
             share = max(speed - _CART_BRAKING_M_S2 * dt_s, 0.0) / speed if speed > 0.0 else 0.0
             desired = x + share * vx * dt_s, y + share * vy * dt_s
         if not crossing.at_s <= time_s <= crossing.until_s:
             desired = around.off_target(desired, _CART_TARGET_DISTANCE_M)
-            desired = outside_circle(desired, around.robot_m, _CART_ROBOT_DISTANCE_M)
+            desired = around.off_robot(desired, _CART_ROBOT_DISTANCE_M)
             desired = self._obstacles.pushed_out(desired, _CART_WALL_DISTANCE_M)
         step_towards(self.state, dt_s, desired, _CART_SPEED_LIMIT_M_S)
-        if trajectory.finished(time_s):
+        if self._trajectory.finished(time_s):
             self.phase = Phase.RELEASED
 
 

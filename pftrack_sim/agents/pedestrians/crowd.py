@@ -192,8 +192,7 @@ class Crowd:
         for member in self._members:
             member.update(dt_s, time_s)
         self._store_led()
-        heading_rad, outline = self._target.heading_rad, self._target.outline
-        around = Surroundings(camera_m, self.target_m, robot_m, heading_rad, outline)
+        around = Surroundings(camera_m, robot_m, self._target)
         self._update_scripted(dt_s, time_s, around)
         for cart in self.carts:
             cart.update(dt_s, time_s, around)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.crossing import Phase, Surroundings, outside_circle, step_towards
+from pftrack_sim.agents.pedestrians.crossing import Phase, Surroundings, step_towards
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
@@ -102,11 +102,9 @@ class OncomingPedestrian:
             self._joining_s = plan.at_s - _JOINING_M / plan.speed_m_s
             route_m = _DETOUR * math.hypot(x - waiting_x, y - waiting_y)
             self._leaving_s = self._joining_s - route_m / plan.speed_m_s - _START_S
-
-        if plan.waiting_m is not None:
-            self.phase, (x, y) = Phase.WAITING, plan.waiting_m
-            self.heading_rad = math.atan2(self.joining_m[1] - y, self.joining_m[0] - x)
-            state[:] = (x, y, 0.0, 0.0)
+            self.phase = Phase.WAITING
+            self.heading_rad = math.atan2(y - waiting_y, x - waiting_x)
+            state[:] = (waiting_x, waiting_y, 0.0, 0.0)
             return
         self.phase = Phase.SCRIPTED
         s = self._s_m(0.0)
@@ -132,7 +130,7 @@ class OncomingPedestrian:
         if abs(s - meeting) > _EXACT_LANE_M:
             desired = self._obstacles.pushed_out(desired, _WALL_DISTANCE_M)
             desired = around.off_target(desired, abs(self._plan.left_m))
-        desired = outside_circle(desired, around.robot_m, _ONCOMING_ROBOT_DISTANCE_M)
+        desired = around.off_robot(desired, _ONCOMING_ROBOT_DISTANCE_M)
         step_towards(self.state, dt_s, desired, _ONCOMING_SPEED_LIMIT_M_S)
 
     def _s_m(self, time_s: float) -> float:
