@@ -68,7 +68,7 @@ class CapturedScene(Scene):
     def add(self, found: Segmentation, geoms: IntArray) -> None:
         """See `Scene`."""
         left, top, *_ = found.rect
-        shapes, placed = self._segmenter.detail.shapes(self.view, geoms), self._placed
+        shapes, placed = self.segmenter.detail.shapes(self.view, geoms), self._placed
         layers = found.ids, found.inverse_depth
         draw_rows(shapes, placed.triangles, placed.bounds(shapes), self._readout, self._rays, left, top, *layers)
 

@@ -26,7 +26,7 @@ from pftrack_sim.scene.layout import PEOPLE_GROUP, body_owners
 from pftrack_sim.scene.thing import BODY
 from pftrack_sim.truth.captured import CapturedScene
 from pftrack_sim.truth.geometry import SceneGeometry
-from pftrack_sim.truth.silhouettes import InstantScene, PeopleInView, Scene, Silhouette, SilhouetteFinder, poses_of
+from pftrack_sim.truth.silhouettes import InstantScene, PeopleInView, Scene, Shapes, Silhouette, poses_of
 
 _NO_DISTORTION = np.zeros(5)
 _NO_DISTORTION.setflags(write=False)
@@ -99,7 +99,7 @@ class TruthObserver:
             if ids.size == 0:
                 raise ParameterError(f"{name!r} has no visible geoms of group {PEOPLE_GROUP}")
         boxed = np.flatnonzero(in_group & np.isin(model.geom_bodyid, _bodies(model, people[0], parts)))
-        self._finder = SilhouetteFinder(model, self._segmenter, geoms, boxed)
+        self._shapes = Shapes(model, self._segmenter, geoms, boxed)
         self._has_parts = bool(parts)
         self._target = 0
         self._told = {self._people.index(name) for name in (people[0], *targets)} if targets else set[int]()
@@ -162,7 +162,7 @@ class TruthObserver:
         """
         self._check(image, T_world_people)
         pose, roots = frozen_array(checked_poses(T_world_camera), (4, 4)), np.array(T_world_people, dtype=np.float64)
-        scene = InstantScene(self._segmenter, self._finder.bounds, self._view(data, pose))
+        scene = InstantScene(self._segmenter, self._shapes.bounds, self._view(data, pose))
         return self._observe(scene, image, data.xpos[self._pelvis], roots, pose, _NO_DISTORTION, float(time_s))
 
     def observe_captured(self, captured: CapturedFrame, image: Image | None, time_s: float) -> Sequence[Truth]:
@@ -173,7 +173,7 @@ class TruthObserver:
         roots = np.asarray(captured.T_world_people, dtype=np.float64)
         self._check(image, roots)
         pose, distortion = frozen_array(captured.T_world_camera, (4, 4)), captured.capture.lens.coefficients
-        scene = CapturedScene(self._segmenter, self._finder.bounds, captured)
+        scene = CapturedScene(self._segmenter, self._shapes.bounds, captured)
         pelvis_m = captured.body_positions[self._pelvis]
         return self._observe(scene, image, pelvis_m, roots, pose, distortion, float(time_s))
 
@@ -187,7 +187,7 @@ class TruthObserver:
         distortion: FloatArray,
         time_s: float,
     ) -> Sequence[Truth]:
-        view = PeopleInView(self._finder, scene, self._size)
+        view = PeopleInView(self._shapes, scene, self._size)
 
         def boxes_of(person: int) -> tuple[FloatArray, FloatArray]:
             known, row = (view.all, person) if person else (view.first, int(self._has_parts))
@@ -213,8 +213,8 @@ class TruthObserver:
             T_world_people: `(P, 4, 4)` root poses, as for `observe`.
         """
         roots = np.asarray(T_world_people, dtype=np.float64)
-        positions, rotations = poses_of(data, self._finder.geoms)
-        bodies, ends = self._finder.bodies, list[tuple[FloatArray, FloatArray]]()
+        positions, rotations = poses_of(data, self._shapes.geoms)
+        bodies, ends = self._shapes.bodies, list[tuple[FloatArray, FloatArray]]()
         for person, root in enumerate(roots):
             first = int(bodies.starts[person])
             last = int(bodies.starts[person + 1]) if person + 1 < len(bodies.starts) else len(bodies.vertices)

@@ -66,7 +66,7 @@ class Scene(ABC):
     """
 
     def __init__(self, segmenter: Segmenter, bounds: Bounds, view: View) -> None:
-        self._segmenter, self._bounds, self.view = segmenter, bounds, view
+        self.segmenter, self._bounds, self.view = segmenter, bounds, view
 
     @abstractmethod
     def measure(self, bodies: Bodies, geoms: IntArray) -> Measured:
@@ -78,7 +78,7 @@ class Scene(ABC):
 
     def segment(self, rect: PixelRect, geoms: IntArray) -> Segmentation:
         """Segment a rectangle of pixels, in which only some geoms are drawn."""
-        found = self._segmenter.nothing(rect)
+        found = self.segmenter.nothing(rect)
         self.add(found, geoms)
         return found
 
@@ -97,88 +97,78 @@ class InstantScene(Scene):
 
     def add(self, found: Segmentation, geoms: IntArray) -> None:
         """See `Scene`."""
-        self._segmenter.add(found, self.view, geoms)
+        self.segmenter.add(found, self.view, geoms)
 
 
-class SilhouetteFinder:
-    """Finds the people of one model in images.
+class Shapes:
+    """Shapes of the people of one model.
 
     Args:
         model: The model.
         segmenter: Its segmenter.
         geoms: Visible geoms of each person.
         parts: Geoms of the first person whose box is wanted, too; none of them for none.
+
+    Attributes:
+        bodies: Shapes of the people, then of the parts.
+        geoms: Geom ids of all parts of `bodies`.
+        first: Shapes of the first person, then of the parts.
+        first_geoms: Geom ids of all parts of `first`.
+        geoms_of: Visible geoms of each person.
+        masks: `(P, ngeom + 1)` which geoms are a person's; the last one is id -1, no geom.
+        bounds: Bounding boxes of all geoms.
     """
 
     def __init__(self, model: mujoco.MjModel, segmenter: Segmenter, geoms: Sequence[IntArray], parts: IntArray) -> None:
-        self.segmenter, self.people_count = segmenter, len(geoms)
-        self._geoms_of = geoms
         wanted = [*geoms, parts] if parts.size else geoms
         vertices, starts = segmenter.triangles.vertices, segmenter.triangles.vertex_starts
         shapes = [[vertices[starts[geom] : starts[geom + 1]] for geom in ids] for ids in wanted]
-        self.bodies = Bodies(shapes)
-        """Shapes of the people, then of the parts."""
-        self.geoms = np.concatenate(wanted)
-        """Geom ids of all parts of `bodies`."""
-        self._first, self._first_geoms = Bodies([shapes[0], *shapes[len(geoms) :]]), np.append(geoms[0], parts)
-        # One more entry than geoms: id -1, no geom, reads the last one.
-        self._masks = np.zeros((len(geoms), model.ngeom + 1), dtype=np.bool_)
-        for mask, ids in zip(self._masks, geoms, strict=True):
+        self.bodies, self.geoms = Bodies(shapes), np.concatenate(wanted)
+        self.first, self.first_geoms = Bodies([shapes[0], *shapes[len(geoms) :]]), np.append(geoms[0], parts)
+        self.geoms_of = geoms
+        self.masks = np.zeros((len(geoms), model.ngeom + 1), dtype=np.bool_)
+        for mask, ids in zip(self.masks, geoms, strict=True):
             mask[ids] = True
         self.bounds = Bounds(model)
-
-    def measure(self, scene: Scene) -> Measured:
-        """Measure all people, and the parts."""
-        return scene.measure(self.bodies, self.geoms)
-
-    def measure_first(self, scene: Scene) -> Measured:
-        """The same of the first person, and of the parts."""
-        return scene.measure(self._first, self._first_geoms)
-
-    def find(
-        self, scene: Scene, person: int, box: FloatArray, farthest_m: float, lowest_m: float, size: tuple[int, int]
-    ) -> Silhouette | None:
-        """Find a person in an image of `size` width and height [px]; None for one without pixels in it.
-
-        Box, depth of the farthest and height of the lowest point are those of `Measured`.
-        """
-        rect = _pixels_around(box, size)
-        if rect is None:
-            return None
-        layer = scene.segment(rect, self._geoms_of[person])
-        amodal, own = layer.ids >= 0, self._masks[person]
-        others = np.flatnonzero(self.segmenter.drawn & ~own[:-1])
-        occluders = others[scene.may_occlude(rect, others, farthest_m, lowest_m)]
-        if not occluders.size:
-            return Silhouette(rect, amodal, amodal, layer.ids)
-        scene.add(layer, occluders)
-        return Silhouette(rect, amodal, amodal & own.take(layer.ids), layer.ids)
 
 
 class PeopleInView:
     """People in an image `size` wide and high [px], found when they are first asked for."""
 
-    def __init__(self, finder: SilhouetteFinder, scene: Scene, size: tuple[int, int]) -> None:
-        self._finder, self._scene, self._size = finder, scene, size
+    def __init__(self, shapes: Shapes, scene: Scene, size: tuple[int, int]) -> None:
+        self._shapes, self._scene, self._size = shapes, scene, size
         self._found: dict[int, Silhouette | None] = {}
 
     @cached_property
     def first(self) -> Measured:
         """Measures of the first person, and of the parts."""
-        return self._finder.measure_first(self._scene)
+        return self._scene.measure(self._shapes.first, self._shapes.first_geoms)
 
     @cached_property
     def all(self) -> Measured:
         """Measures of all people, and of the parts."""
-        return self._finder.measure(self._scene)
+        return self._scene.measure(self._shapes.bodies, self._shapes.geoms)
 
     def silhouette(self, person: int) -> Silhouette | None:
-        """Silhouette of a person, see `SilhouetteFinder.find`; None for one without pixels in the image."""
+        """Silhouette of a person; None for one without pixels in the image."""
         if person not in self._found:
-            known = self.all if person else self.first
-            measures = known.boxes[person], float(known.depths_m[person, 1]), float(known.lowest_m[person])
-            self._found[person] = self._finder.find(self._scene, person, *measures, self._size)
+            self._found[person] = self._find(person)
         return self._found[person]
+
+    def _find(self, person: int) -> Silhouette | None:
+        known, shapes, scene = self.all if person else self.first, self._shapes, self._scene
+        rect = _pixels_around(known.boxes[person], self._size)
+        if rect is None:
+            return None
+        layer = scene.segment(rect, shapes.geoms_of[person])
+        amodal, own = layer.ids >= 0, shapes.masks[person]
+        others = np.flatnonzero(scene.segmenter.drawn & ~own[:-1])
+        farthest_m, lowest_m = float(known.depths_m[person, 1]), float(known.lowest_m[person])
+        occluders = others[scene.may_occlude(rect, others, farthest_m, lowest_m)]
+        if not occluders.size:
+            return Silhouette(rect, amodal, amodal, layer.ids)
+        scene.add(layer, occluders)
+        return Silhouette(rect, amodal, amodal & own.take(layer.ids), layer.ids)
 
 
 def poses_of(scene: mujoco.MjData | View, geoms: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -17,10 +17,9 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.photometry import LUMINANCE
 from pftrack_sim.core.records import Truth
-from pftrack_sim.render.culling import View
 from pftrack_sim.scene.layout import PEOPLE_GROUP, SCENERY_GROUP
 from pftrack_sim.truth.observer import TruthObserver
-from pftrack_sim.truth.silhouettes import Silhouette, SilhouetteFinder
+from pftrack_sim.truth.silhouettes import PeopleInView, Silhouette
 
 SIZE = WIDTH, HEIGHT
 LEVEL = looking((0, 0, 1.0), (5, 0, 1.0))
@@ -237,13 +236,13 @@ def test_what_is_read_late_is_what_was_read_at_once():
 
 def test_frames_that_are_not_referenced_are_forgotten_without_a_search(monkeypatch: pytest.MonkeyPatch):
     searched: list[int] = []
-    find = SilhouetteFinder.find
+    find = PeopleInView.silhouette
 
-    def counted(self: SilhouetteFinder, view: View, person: int, *more: Any) -> Silhouette | None:
+    def counted(self: PeopleInView, person: int) -> Silhouette | None:
         searched.append(person)
-        return find(self, view, person, *more)
+        return find(self, person)
 
-    monkeypatch.setattr(SilhouetteFinder, "find", counted)
+    monkeypatch.setattr(PeopleInView, "silhouette", counted)
     stage = build(people=3)
     observer = TruthObserver(stage.model, stage.people, K, SIZE)
     held, lost = (observer.observe(stage.data, LEVEL, None, when, stage.roots()) for when in (0.0, 0.1))
