@@ -93,25 +93,22 @@ class CameraEnv(gym.Env[Observation, Any]):
         self.image_size_px = (camera.width_px, camera.height_px)
         far = float(max(self.image_size_px))
         seen = {name: settings.seen_by(name).camera for name in settings.camera_names}
-        spaces: dict[str, gym.Space[Any]] = {
+        others: dict[str, gym.Space[Any]] = {
             name: gym.spaces.Box(0, 255, (one.height_px, one.width_px, 3), np.uint8) for name, one in seen.items()
         }
-        pixels = spaces.pop(settings.viewed)
-        self.observation_space = gym.spaces.Dict(
-            {
-                **({"image": pixels} if image else {}),
-                **({"images": gym.spaces.Dict(spaces)} if image and spaces else {}),
-                **(
-                    {"depth": gym.spaces.Box(0.0, np.inf, (camera.height_px, camera.width_px), np.float32)}
-                    if depth
-                    else {}
-                ),
-                # A selected box lies inside the image.
-                "init_box": gym.spaces.Box(0.0, far, (4,), np.float64),
-                "first": gym.spaces.Discrete(2),
-                "proprio": gym.spaces.Box(-self.proprio_high, self.proprio_high, dtype=np.float32),
-            }
-        )
+        spaces: dict[str, gym.Space[Any]] = {
+            # A selected box lies inside the image.
+            "init_box": gym.spaces.Box(0.0, far, (4,), np.float64),
+            "first": gym.spaces.Discrete(2),
+            "proprio": gym.spaces.Box(-self.proprio_high, self.proprio_high, dtype=np.float32),
+        }
+        if image:
+            spaces["image"] = others.pop(settings.viewed)
+        if image and others:
+            spaces["images"] = gym.spaces.Dict(others)
+        if depth:
+            spaces["depth"] = gym.spaces.Box(0.0, np.inf, (camera.height_px, camera.width_px), np.float32)
+        self.observation_space = gym.spaces.Dict(spaces)
         self.simulation = Simulation(self.scenario, backend=backend, image=image, cameras=True)
         self.episode_seed = 0
         """Root seed of the episode; 0 before the first reset."""

@@ -262,11 +262,6 @@ class Simulation:
         for camera in self._cameras.values():
             camera.truth.finish()
 
-    @property
-    def instantaneous(self) -> bool:
-        """Whether each frame of the running episode is an instant through a pinhole."""
-        return self._camera.instantaneous
-
     def scene_geometry(self) -> SceneGeometry:
         """What every pixel of the last frame shows, and how far it is.
 
@@ -288,11 +283,11 @@ class Simulation:
         return dict(zip(world.people, self._camera.truth.extents_m(world.data, world.root_poses()), strict=True))
 
     def _check_instantaneous(self, what: str) -> None:
-        if not self.instantaneous:
-            words = (
-                f"{what} need frames that are an instant through a pinhole: set blur, rolling_shutter, distortion to 0"
+        if not self._camera.instantaneous:
+            remedy = "set blur, rolling_shutter, distortion to 0"
+            raise ScenarioError(
+                self.scenario.name, [f"{what} need frames that are an instant through a pinhole: {remedy}"]
             )
-            raise ScenarioError(self.scenario.name, [words])
 
     @property
     def silhouettes(self) -> Mapping[str, Silhouette]:
