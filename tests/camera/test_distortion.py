@@ -23,51 +23,41 @@ FISHEYES = {"plain": (0.0, 0.0, 0.0, 0.0), "bent": (0.03, -0.01, 0.004, -0.0008)
 WIDE = np.array([[306.0, 0.0, 330.0], [0.0, 310.0, 232.0], [0.0, 0.0, 1.0]])  # 120 degrees across
 
 
-@pytest.mark.parametrize("name", LENSES)
-def test_projection_agrees_with_opencv(name: str):
-    lens = Lens(K, LENSES[name], SIZE)
-    rays = lens.to_normalized(np.stack(np.meshgrid(np.arange(0.0, 641.0, 40.0), np.arange(0.0, 481.0, 40.0)), axis=-1))
-    points = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=-1).reshape(-1, 3)
-    expected = cv2.projectPoints(points, np.zeros(3), np.zeros(3), K, np.array(LENSES[name]))[0].reshape(*rays.shape)
-    assert np.abs(lens.to_pixels(rays) - expected).max() < 1e-6
+EVERY_LENS = [(K, coefficients) for coefficients in LENSES.values()] + [(WIDE, one) for one in FISHEYES.values()]
 
 
-@pytest.mark.parametrize("name", LENSES)
-def test_the_pixel_map_follows_the_ray_of_each_pixel(name: str):
-    lens = Lens(K, LENSES[name], SIZE)
+def projected(rays: np.ndarray, K: np.ndarray, coefficients: tuple[float, ...]) -> np.ndarray:
+    """`(..., 2)` pixels of `(..., 2)` normalized image coordinates, by OpenCV."""
+    project = cv2.fisheye.projectPoints if len(coefficients) == 4 else cv2.projectPoints
+    points = np.concatenate([rays, np.ones((*rays.shape[:-1], 1))], axis=-1).reshape(-1, 1, 3)
+    return project(points, np.zeros(3), np.zeros(3), K, np.array(coefficients))[0].reshape(rays.shape)
+
+
+@pytest.mark.parametrize(("K", "coefficients"), EVERY_LENS)
+def test_projection_agrees_with_opencv_over_the_image(K: np.ndarray, coefficients: tuple[float, ...]):
+    lens = Lens(K, coefficients, SIZE)
+    rays = lens.to_normalized(np.stack(np.meshgrid(np.arange(0.0, 641.0, 20.0), np.arange(0.0, 481.0, 20.0)), axis=-1))
+    assert np.abs(lens.to_pixels(rays) - projected(rays, K, coefficients)).max() < 1e-6
+
+
+@pytest.mark.parametrize("coefficients", FISHEYES.values())
+def test_an_equidistant_lens_agrees_with_opencv_beside_the_image_too(coefficients: tuple[float, ...]):
+    lens = Lens(WIDE, coefficients, SIZE)
+    rays = 1.2 * lens.to_normalized(np.array([[x, y] for x in (0.0, 320.0, 640.0) for y in (0.0, 240.0, 480.0)]))
+    assert np.rad2deg(np.arctan(np.linalg.norm(rays / 1.2, axis=-1))).max() > 70.0
+    assert np.abs(lens.to_pixels(rays) - projected(rays, WIDE, coefficients)).max() < 1e-6
+
+
+@pytest.mark.parametrize(("K", "coefficients"), EVERY_LENS)
+def test_the_pixel_map_follows_the_ray_of_each_pixel(K: np.ndarray, coefficients: tuple[float, ...]):
+    lens = Lens(K, coefficients, SIZE)
     grid = RayGrid(lens)
-    wide = np.array([[500.0, 0.0, 700.0], [0.0, 500.0, 600.0], [0.0, 0.0, 1.0]])
+    drawn = np.array([[500.0, 0.0, 700.0], [0.0, 500.0, 600.0], [0.0, 0.0, 1.0]])
     normalized = grid.reproject(0, grid.bands, np.eye(4), np.eye(4))
-    places = grid.pixel_map(0, grid.bands, normalized, wide) + 0.5
-    seen = np.concatenate([(places - wide[:2, 2]) / 500.0, np.ones((480, 640, 1))], axis=-1).reshape(-1, 3)
-    landed = cv2.projectPoints(seen, np.zeros(3), np.zeros(3), K, np.array(LENSES[name]))[0].reshape(480, 640, 2)
+    places = grid.pixel_map(0, grid.bands, normalized, drawn) + 0.5
+    landed = projected((places.astype(np.float64) - drawn[:2, 2]) / 500.0, K, coefficients)
     wanted = np.stack(np.meshgrid(np.arange(640) + 0.5, np.arange(480) + 0.5), axis=-1)
     assert np.abs(landed - wanted).max() < 0.05
-
-
-@pytest.mark.parametrize("name", FISHEYES)
-def test_an_equidistant_lens_agrees_with_opencv_over_the_image_and_beside_it(name: str):
-    lens = Lens(WIDE, FISHEYES[name], SIZE)
-    everywhere = np.stack(np.meshgrid(np.arange(0.0, 641.0, 20.0), np.arange(0.0, 481.0, 20.0)), axis=-1)
-    rays = lens.to_normalized(everywhere)
-    assert np.rad2deg(np.arctan(np.linalg.norm(rays, axis=-1))).max() > 70.0
-    rays = np.concatenate([rays.reshape(-1, 2), 1.2 * rays.reshape(-1, 2)])
-    points = np.column_stack([rays, np.ones(len(rays))])[:, None]
-    expected, _ = cv2.fisheye.projectPoints(points, np.zeros(3), np.zeros(3), WIDE, np.array(FISHEYES[name]))
-    assert np.abs(lens.to_pixels(rays) - expected[:, 0]).max() < 1e-6
-
-
-@pytest.mark.parametrize("name", FISHEYES)
-def test_the_pixel_map_of_an_equidistant_lens_follows_the_ray_of_each_pixel(name: str):
-    lens = Lens(WIDE, FISHEYES[name], SIZE)
-    grid = RayGrid(lens)
-    normalized = grid.reproject(0, grid.bands, np.eye(4), np.eye(4))
-    places = grid.pixel_map(0, grid.bands, normalized, K) + 0.5
-    seen = np.concatenate([(places - K[:2, 2]) / K[0, 0], np.ones((480, 640, 1))], axis=-1).reshape(-1, 1, 3)
-    seen = seen.astype(np.float64)
-    landed = cv2.fisheye.projectPoints(seen, np.zeros(3), np.zeros(3), WIDE, np.array(FISHEYES[name]))[0]
-    wanted = np.stack(np.meshgrid(np.arange(640) + 0.5, np.arange(480) + 0.5), axis=-1)
-    assert np.abs(landed.reshape(480, 640, 2) - wanted).max() < 0.05
 
 
 @pytest.mark.parametrize("coefficients", [(0.0, 0.0, 0.0, 0.0), (0.01, -0.004, 0.001, 0.0)])

@@ -94,7 +94,6 @@ def test_wrong_arguments_are_errors_before_a_process_starts():
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_a_program_without_its_guard_is_told_so(tmp_path: Path):
     program = tmp_path / "program.py"
     program.write_text("import gymnasium, pftrack_sim\ngymnasium.make_vec('pftrack_sim/Follow-v0', 1, image=False)\n")

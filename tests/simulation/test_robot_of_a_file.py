@@ -36,9 +36,8 @@ WHEELS = {"robot.drive": "differential", "robot.wheels": ["wheel_l", "wheel_r"],
 WRITERS = {"mjcf": write_mjcf, "urdf": write_urdf}
 
 
-def simulation(file: Path, name: str = "plaza-walk", **keys: object) -> Simulation:
-    overrides = {**QUIET, "robot.model": str(file), **{key.replace("__", "."): value for key, value in keys.items()}}
-    return Simulation(scenario.load(name, overrides), image=False)
+def simulation(file: Path, keys: dict[str, object] | None = None, name: str = "plaza-walk") -> Simulation:
+    return Simulation(scenario.load(name, {**QUIET, "robot.model": str(file), **(keys or {})}), image=False)
 
 
 def turned(axis: int, angle: float) -> np.ndarray:
@@ -55,7 +54,7 @@ def reading(world: object, name: str) -> float:
 
 @pytest.mark.parametrize("kind", WRITERS)
 def test_the_camera_is_where_the_joints_of_the_file_put_it(kind: str, tmp_path: Path):
-    with simulation(WRITERS[kind](tmp_path), **{key.replace(".", "__"): value for key, value in WHEELS.items()}) as own:
+    with simulation(WRITERS[kind](tmp_path), WHEELS) as own:
         own.reset(0)
         for command in ([0.5, 0.3, 0.6, -0.4], [0.8, -0.2, -1.0, 0.5], [0.0, 0.5, 0.2, 1.0]):
             for _ in range(15):
@@ -116,7 +115,7 @@ def test_what_of_the_robot_is_before_its_camera_occludes_and_its_housing_does_no
 
 @pytest.mark.parametrize(("pose_deg", "angle"), [({}, 0.4), ({"lift": 30.0}, math.radians(30.0))])
 def test_parts_that_nothing_moves_hold_the_pose_of_the_keyframe(pose_deg: object, angle: float, tmp_path: Path):
-    with simulation(write_mjcf(tmp_path), robot__pose_deg=pose_deg) as own:
+    with simulation(write_mjcf(tmp_path), {"robot.pose_deg": pose_deg}) as own:
         own.reset(0)
         model = own.world.model
         capsule = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_CAPSULE)
@@ -126,7 +125,7 @@ def test_parts_that_nothing_moves_hold_the_pose_of_the_keyframe(pose_deg: object
 
 
 def test_a_differential_drive_rolls_as_its_wheels_say_and_the_odometry_agrees(tmp_path: Path):
-    with simulation(write_mjcf(tmp_path), **{key.replace(".", "__"): value for key, value in WHEELS.items()}) as own:
+    with simulation(write_mjcf(tmp_path), WHEELS) as own:
         own.reset(0)
         start = np.array(own.world.robot_pose())
         for frame in range(120):
@@ -144,13 +143,12 @@ def test_a_differential_drive_rolls_as_its_wheels_say_and_the_odometry_agrees(tm
         assert abs(-math.sin(end[2]) * speed[0] + math.cos(end[2]) * speed[1]) < 0.02
 
 
-CAR = {"robot__drive": "ackermann", "robot__wheelbase_m": 0.5, "robot__odometry_error_percent": 0}
+CAR = {"robot.drive": "ackermann", "robot.wheelbase_m": 0.5, "robot.odometry_error_percent": 0}
 
 
 @pytest.mark.parametrize("forward", [0.6, -0.6])
 def test_a_car_drives_on_circles_about_its_rear_axle(forward: float, tmp_path: Path):
-    keys = {**CAR, "robot__wheels": ["wheel_l", "wheel_r"]}
-    with simulation(write_mjcf(tmp_path), **keys) as own:
+    with simulation(write_mjcf(tmp_path), {**CAR, "robot.wheels": ["wheel_l", "wheel_r"]}) as own:
         start = np.array((own.reset(0), own.world.robot_pose())[1])
         for _ in range(30):
             own.advance(np.array([0.0, 1.0, 0.0, 0.0]))
@@ -174,7 +172,7 @@ def test_nothing_of_it_rubs_on_the_ground(tmp_path: Path):
     square = MJCF.replace('<geom size="0.15"/>', '<geom type="box" size="0.15 0.02 0.15"/>').replace(
         '<geom type="sphere" size="0.15"/>', '<geom type="box" size="0.15 0.02 0.15"/>'
     )
-    with simulation(write_mjcf(tmp_path, square), robot__wheels=["wheel_l", "wheel_r"]) as own:
+    with simulation(write_mjcf(tmp_path, square), {"robot.wheels": ["wheel_l", "wheel_r"]}) as own:
         own.reset(0)
         for _ in range(60):
             own.advance(np.array([0.5, 0.0, 0.0, 0.0]))
@@ -191,7 +189,7 @@ def headless(text: str) -> str:
 
 @pytest.mark.parametrize("drive", ["omni", "differential"])
 def test_a_robot_without_a_head_turns_its_body_or_its_base(drive: str, tmp_path: Path):
-    with simulation(write_mjcf(tmp_path, headless(MJCF)), robot__drive=drive) as own:
+    with simulation(write_mjcf(tmp_path, headless(MJCF)), {"robot.drive": drive}) as own:
         gaze = own.reset(0).truth.T_world_camera[:3, 2]
         course = own.world.robot_pose()[2]
         for _ in range(30):
@@ -204,8 +202,8 @@ def test_a_robot_without_a_head_turns_its_body_or_its_base(drive: str, tmp_path:
 
 
 def test_ranges_and_collisions_are_those_of_the_scene(tmp_path: Path):
-    keys = {"robot__route": {"kind": "still", "start_m": [0, 0], "heading_deg": 90}, "target__path_m": [[4, 0], [9, 0]]}
-    with simulation(write_mjcf(tmp_path), "easy/corridor", **keys) as own:
+    keys = {"robot.route": {"kind": "still", "start_m": [0, 0], "heading_deg": 90}, "target.path_m": [[4, 0], [9, 0]]}
+    with simulation(write_mjcf(tmp_path), keys, "easy/corridor") as own:
         own.reset(0)
         ranges = own.world.proprio()[RANGES]
         assert (ranges < RANGE_M).any()
@@ -227,8 +225,8 @@ def test_the_script_drives_it_and_the_dry_run_knows_where(route: str, drive: dic
         "waypoints": {"kind": "waypoints", "points_m": [[-3, 0], [4, 0]]},
         "still": {"kind": "still", "start_m": [-3, 0]},
     }
-    keys: dict[str, object] = {"robot__route": routes[route], "duration_s": 6, **drive}
-    with simulation(write_mjcf(tmp_path), "easy/plaza-walk", **keys) as own:
+    keys: dict[str, object] = {"robot.route": routes[route], "duration_s": 6, **drive}
+    with simulation(write_mjcf(tmp_path), keys, "easy/plaza-walk") as own:
         frames = [own.reset(0)]
         while frames[-1].index < own.frame_count - 1:
             frames.append(own.advance())
@@ -238,8 +236,7 @@ def test_the_script_drives_it_and_the_dry_run_knows_where(route: str, drive: dic
 
 @pytest.mark.parametrize("drive", [{}, CAR])
 def test_a_minute_is_followed_by_box_and_command(drive: dict[str, object], tmp_path: Path):
-    overrides = {**QUIET, "robot.model": str(write_urdf(tmp_path)), "duration_s": 20, "target.actions": []}
-    overrides |= {key.replace("__", "."): value for key, value in drive.items()}
+    overrides = {**QUIET, "robot.model": str(write_urdf(tmp_path)), "duration_s": 20, "target.actions": [], **drive}
     env = FollowEnv("follow/plaza", overrides, image=False)
     observation, info = env.reset(seed=0)
     controller = controllers.make("servo-avoid")
@@ -295,7 +292,7 @@ def test_a_camera_that_lies_on_its_side_looks_ahead_as_the_message_says(axes: st
     with simulation(file) as own, pytest.raises(ScenarioError) as caught:
         own.reset(0)
     turn = json.loads(re.search(r"camera_rpy_deg = (\[.*?\])", str(caught.value))[1])
-    with simulation(file, robot__camera_rpy_deg=turn) as own:
+    with simulation(file, {"robot.camera_rpy_deg": turn}) as own:
         np.testing.assert_allclose(own.reset(0).truth.T_world_camera, wanted, atol=1e-6)
 
 
