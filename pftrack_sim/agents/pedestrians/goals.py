@@ -80,7 +80,6 @@ class GoalManager:
         self._graph, self._sampler, self._rngs, self._distractors = graph, sampler, rngs, distractors
         self._movers = movers[:people]
         self.walking_speed_m_s = np.zeros(people)
-        self._arrival_radius_m = np.full(people, ARRIVAL_RADIUS_M)
         self._tasks = [_Task() for _ in range(people)]
         self._since_check_s = 0.0
         self._checked = 0
@@ -89,7 +88,6 @@ class GoalManager:
         """Stay at a `(2,)` waiting position."""
         self._tasks[person] = _Task(_Mode.WAIT, waiting_m)
         self._set_route(person, waiting_m[None])
-        self._arrival_radius_m[person] = -1.0
 
     def walk_to_sampled_goal(
         self, person: int, time_s: float, position_m: FloatArray, target_s_m: float, heading_rad: float | None = None
@@ -108,14 +106,15 @@ class GoalManager:
         """Advance waypoints and goals of those that react by a tick that ends at `time_s`, with the target there."""
         movers = self._movers
         left_m = np.hypot(movers["waypoint_x"] - movers["x"], movers["waypoint_y"] - movers["y"])
-        for person in np.flatnonzero(left_m < self._arrival_radius_m).tolist():
-            if movers["reaction"][person] == 0.0:
-                continue
+        walks = (movers["reaction"] > 0.0) & (movers["speed"] > 0.0)
+        for person in np.flatnonzero(walks & (left_m < ARRIVAL_RADIUS_M)).tolist():
             task = self._tasks[person]
+            if task.mode is _Mode.WAIT:
+                continue
             if task.waypoints:
                 self._walk_to(person, task.waypoints.pop(0))
             elif task.mode is _Mode.WALK_AND_STOP:
-                self._stop(person)
+                movers["speed"][person] = 0.0
             else:
                 heading_rad = float(movers["heading"][person])
                 self.walk_to_sampled_goal(person, time_s, self._position(person), target_s_m, heading_rad)
@@ -155,21 +154,17 @@ class GoalManager:
         task.progress_m, task.progress_s = position.copy(), time_s
         if route is None:
             self._walk_to(person, position)
-            self._stop(person)
+            self._movers["speed"][person] = 0.0
             task.give_up_s = time_s + 1.0
             return
         self._set_route(person, route)
         length = float(np.hypot(*np.diff(np.vstack([position, route]), axis=0).T).sum())
-        self._arrival_radius_m[person] = ARRIVAL_RADIUS_M
         task.give_up_s = time_s + 8.0 + 2.0 * length / self.walking_speed_m_s[person]
 
     def _set_route(self, person: int, route: FloatArray) -> None:
         self._walk_to(person, route[0])
         self._tasks[person].waypoints = list(route[1:])
         self._movers["speed"][person] = self.walking_speed_m_s[person]
-
-    def _stop(self, person: int) -> None:
-        self._movers["speed"][person], self._arrival_radius_m[person] = 0.0, -1.0
 
     def _walk_to(self, person: int, waypoint_m: FloatArray) -> None:
         self._movers["waypoint_x"][person], self._movers["waypoint_y"][person] = waypoint_m
