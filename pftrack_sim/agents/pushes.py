@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import replace
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -50,7 +51,8 @@ def pushed_way(
         raise ParameterError(
             f"{thing.name!r} would lie in {names[int(distances.argmin())]} at {start_m[0]:.2f}, {start_m[1]:.2f}"
         )
-    draw = None if thing.pushes else _Draw(obstacles, start_m, 0.9 * min(half_sizes_m(thing)[:2].tolist()), rng)
+    half_width_m = 0.9 * min(half_sizes_m(thing)[:2].tolist())
+    draw = None if thing.pushes else partial(_drawn, obstacles, start_m, half_width_m, rng)
     pushes = deque(sorted(thing.pushes, key=lambda one: one.at_s))
     if draw is not None:
         pushes.append(draw(0.0, start_m))
@@ -81,23 +83,19 @@ def pushed_way(
     return PushedWay(_SAMPLE_S, poses[:, :3], poses[:, 3:], tuple(pushed_s), yaw_rad)
 
 
-class _Draw:
-    """Draws the next push of a thing that came to rest."""
-
-    def __init__(self, obstacles: ObstacleMap, home_m: Xy, half_width_m: float, rng: np.random.Generator) -> None:
-        self._obstacles, self._home, self._half_width_m, self._rng = obstacles, np.array(home_m), half_width_m, rng
-
-    def __call__(self, now_s: float, at_m: Xy) -> Push:
-        rng, here = self._rng, np.array(at_m)
-        at_s = now_s + rng.uniform(*_PAUSE_S)
-        headings = rng.uniform(-math.pi, math.pi, _HEADINGS)
-        ways = np.column_stack([np.cos(headings), np.sin(headings)])
-        free = ~self._obstacles.blocked(here, here + _FREE_M * ways, self._half_width_m)
-        home = self._home - here
-        if np.hypot(*home) > _HOME_M:
-            free &= ways @ home > 0.0
-        direction_deg = math.degrees(headings[int(free.argmax())])
-        return Push(at_s=at_s, speed_m_s=float(rng.uniform(*_SPEED_M_S)), direction_deg=direction_deg)
+def _drawn(
+    obstacles: ObstacleMap, home_m: Xy, half_width_m: float, rng: np.random.Generator, now_s: float, at_m: Xy
+) -> Push:
+    """The next push of a thing that came to rest."""
+    here, at_s = np.array(at_m), now_s + rng.uniform(*_PAUSE_S)
+    headings = rng.uniform(-math.pi, math.pi, _HEADINGS)
+    ways = np.column_stack([np.cos(headings), np.sin(headings)])
+    free = ~obstacles.blocked(here, here + _FREE_M * ways, half_width_m)
+    home = np.array(home_m) - here
+    if np.hypot(*home) > _HOME_M:
+        free &= ways @ home > 0.0
+    direction_deg = math.degrees(headings[int(free.argmax())])
+    return Push(at_s=at_s, speed_m_s=float(rng.uniform(*_SPEED_M_S)), direction_deg=direction_deg)
 
 
 def with_robot(layout: WalkableArea, start_m: Xy, half_width_m: float) -> WalkableArea:
