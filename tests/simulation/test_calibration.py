@@ -10,8 +10,10 @@ import pytest
 from pftrack_sim import scenario
 from pftrack_sim.core.calibration import read_calibration
 from pftrack_sim.core.errors import ParameterError, ScenarioError
+from pftrack_sim.core.records import Truth
 from pftrack_sim.scene.layout import body_owners
 from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.simulation.world import World
 
 ROS = """image_width: 320
 image_height: 240
@@ -82,22 +84,25 @@ def test_boxes_are_where_opencv_projects_the_target(lens: np.ndarray, tmp_path: 
         simulation.reset(3)
         for _ in range(3):
             truth = simulation.advance().truth
-            model, data = simulation.world.model, simulation.world.data
-            own = np.array([one == "target" for one in body_owners(model)])[model.geom_bodyid]
-            names = [model.geom(geom).name for geom in np.flatnonzero(own & (model.geom_dataid >= 0))]
-            points = np.vstack([vertices(model, data, name) for name in names])
-            camera = (points - truth.T_world_camera[:3, 3]) @ truth.T_world_camera[:3, :3]
-            project = cv2.fisheye.projectPoints if len(lens) == 4 else cv2.projectPoints
-            found, _ = project(camera[:, None], np.zeros(3), np.zeros(3), K, lens)
-            places = found.reshape(-1, 2) + 0.5  # our pixels begin at their corners
-            box = np.hstack([places.min(axis=0), places.max(axis=0) - places.min(axis=0)])
-            assert np.abs(truth.amodal_box - box).max() < 0.05
             np.testing.assert_allclose(truth.K, K + 0.5 * np.outer([1, 1, 0], [0, 0, 1]))
             np.testing.assert_array_equal(truth.distortion, lens)
+            assert np.abs(truth.amodal_box - box_by_opencv(simulation.world, truth)).max() < 0.05
 
 
-def vertices(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> np.ndarray:
-    geom = model.geom(name).id
+def box_by_opencv(world: World, truth: Truth) -> np.ndarray:
+    """`(4,)` extent of the vertices of the target, as OpenCV projects them with the camera of a frame."""
+    model, data = world.model, world.data
+    own = np.array([one == "target" for one in body_owners(model)])[model.geom_bodyid]
+    points = np.vstack([vertices(model, data, geom) for geom in np.flatnonzero(own & (model.geom_dataid >= 0))])
+    camera = (points - truth.T_world_camera[:3, 3]) @ truth.T_world_camera[:3, :3]
+    matrix = truth.K - 0.5 * np.outer([1, 1, 0], [0, 0, 1])  # our pixels begin at their corners
+    project = cv2.fisheye.projectPoints if len(truth.distortion) == 4 else cv2.projectPoints
+    found, _ = project(camera[:, None], np.zeros(3), np.zeros(3), matrix, truth.distortion)
+    places = found.reshape(-1, 2) + 0.5
+    return np.hstack([places.min(axis=0), np.ptp(places, axis=0)])
+
+
+def vertices(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:
     mesh = model.geom_dataid[geom]
     first = model.mesh_vertadr[mesh]
     own = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]

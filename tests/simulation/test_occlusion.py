@@ -170,6 +170,16 @@ def test_an_error_for_an_occupied_place_suggests_a_possible_time() -> None:
     plan_static(request.model_copy(update={"at_s": float(suggestion[1])}), run, taken)
 
 
+def walked(crowd: Crowd, camera: Camera, duration_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`(T,)` times, `(T, 2)` places of a robot below its camera, and `(T, P, 2)` of pedestrians."""
+    times, cameras, positions = (np.arange(round(duration_s / TICK_S)) + 1) * TICK_S, [], []
+    for time_s in times.tolist():
+        cameras.append(camera(time_s, TARGET.speed_m_s * time_s))
+        crowd.tick(TICK_S, time_s, cameras[-1], cameras[-1])
+        positions.append(crowd.positions_m)
+    return times, np.array(cameras), np.array(positions)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["still", "beside", "trail"])
 def test_walkers_cover_at_the_requested_time_and_move_like_people(kind: str) -> None:
@@ -181,14 +191,8 @@ def test_walkers_cover_at_the_requested_time_and_move_like_people(kind: str) -> 
         crossing = plan_crossing(request, dry_run_of(camera, duration_s + 1.0), HALL)
         crowd = Crowd(HALL, TARGET, Path(PATH_M), people.Distractors(count=1), (crossing,), seed)
         assert crowd.names == ("target", "distractor-1", "crosser-1")
-        cameras, positions = [], []
-        for tick in range(round(duration_s / TICK_S)):
-            time_s = (tick + 1) * TICK_S
-            cameras.append(camera(time_s, TARGET.speed_m_s * time_s))
-            crowd.tick(TICK_S, time_s, cameras[-1], cameras[-1])
-            positions.append(crowd.positions_m)
-        places, times = np.array(positions), (np.arange(len(positions)) + 1) * TICK_S
-        covered = covered_by_person(np.array(cameras), places[:, 0], places[:, 2], crossing.half_width_m)
+        times, cameras, places = walked(crowd, camera, duration_s)
+        covered = covered_by_person(cameras, places[:, 0], places[:, 2], crossing.half_width_m)
         assert_in_time(covered[1::2], times[1::2], request)
         assert np.linalg.norm(places[:, 2] - places[:, 0], axis=-1).min() >= 0.45
         assert np.linalg.norm(places[:, 2] - places[:, 1], axis=-1).min() >= 0.45
@@ -208,15 +212,10 @@ def test_a_walker_covers_a_camera_that_has_left_the_planned_path(seed: int) -> N
     crossing = plan_crossing(request, dry_run_of(camera), HALL)
     drift = rng.uniform(-0.5, 0.5, 2)
     crowd = Crowd(HALL, TARGET, Path(PATH_M), people.Distractors(count=0), (crossing,), seed)
-    cameras, positions = [], []
-    for tick in range(500):
-        time_s = (tick + 1) * TICK_S
-        cameras.append(camera(time_s, TARGET.speed_m_s * time_s) + drift * min(time_s / 4.0, 1.0))
-        crowd.tick(TICK_S, time_s, cameras[-1], cameras[-1])
-        positions.append(crowd.positions_m)
-    places = np.array(positions)
-    covered = covered_by_person(np.array(cameras), places[:, 0], places[:, 1], crossing.half_width_m)
-    assert_in_time(covered, (np.arange(500) + 1) * TICK_S, request)
+    off = lambda time_s, s_m: camera(time_s, s_m) + drift * min(time_s / 4.0, 1.0)  # noqa: E731
+    times, cameras, places = walked(crowd, off, 8.3)
+    covered = covered_by_person(cameras, places[:, 0], places[:, 1], crossing.half_width_m)
+    assert_in_time(covered, times, request)
 
 
 def test_crossings_do_not_change_the_draws_of_distractors() -> None:
