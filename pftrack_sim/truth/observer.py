@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import cv2
 import mujoco
@@ -244,7 +244,8 @@ class TruthObserver:
 
     def _truth(self, frame: _Frame, person: int, silhouette: Silhouette | None, image: Image | None) -> Truth | None:
         """Truth of a person; None for others than targets without an amodal pixel in the image."""
-        box, truncation = _clipped(frame.boxes(person)[0], *self._size)
+        amodal, swept = frame.boxes(person)
+        box, truncation = _clipped(amodal, *self._size)
         inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and box[2] * box[3] else 0
         if not inside and person != frame.target and person not in self._told:
             return None
@@ -261,34 +262,27 @@ class TruthObserver:
                 luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
         if not inside:
             box[2:] = 0.0
+        box.setflags(write=False)
+        motion_px = 0.0 if frame.before is None else math.dist(_centre(amodal), _centre(frame.before(person)[0]))
         return Truth(
+            name=self._people[person],
+            box=box,
+            amodal_box=frozen_array(amodal),
+            swept_box=frozen_array(swept),
             visible_box=visible_box,
             visible_fraction=fraction,
+            truncation=truncation,
             state=state,
             occluders=() if silhouette is None or (inside and seen == inside) else self._occluders(silhouette),
+            distance_m=math.dist(frame.pelvis_m[person].tolist(), frame.pose[:3, 3].tolist()),
+            T_world_camera=frame.pose,
+            T_world_target=frozen_array(frame.roots[person]),
+            K=self._K,
+            distortion=frame.distortion,
+            time_s=frame.time_s,
+            image_motion_px=motion_px,
             luminance=luminance,
-            **self._known(frame, person, box, truncation),
         )
-
-    def _known(self, frame: _Frame, person: int, box: FloatArray, truncation: float) -> dict[str, Any]:
-        """Fields of a person's truth that do not depend on silhouettes."""
-        box.setflags(write=False)
-        amodal, swept = frame.boxes(person)
-        motion_px = 0.0 if frame.before is None else math.dist(_centre(amodal), _centre(frame.before(person)[0]))
-        return {
-            "name": self._people[person],
-            "box": box,
-            "amodal_box": frozen_array(amodal),
-            "swept_box": frozen_array(swept),
-            "truncation": truncation,
-            "distance_m": math.dist(frame.pelvis_m[person].tolist(), frame.pose[:3, 3].tolist()),
-            "T_world_camera": frame.pose,
-            "T_world_target": frozen_array(frame.roots[person]),
-            "K": self._K,
-            "distortion": frame.distortion,
-            "time_s": frame.time_s,
-            "image_motion_px": motion_px,
-        }
 
     def _occluders(self, silhouette: Silhouette) -> tuple[str, ...]:
         """Names of what occludes a person, by number of pixels, then by name."""
