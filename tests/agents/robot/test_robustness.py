@@ -23,9 +23,9 @@ def room(spec: mujoco.MjSpec) -> None:
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[*half, 0.75], contype=1, conaffinity=2)
 
 
-def drive_randomly(world, seconds: float, seed: int) -> None:
-    """Hold random commands for random times; check the state at every tick."""
-    rng = np.random.default_rng(seed)
+@pytest.mark.parametrize(("seconds", "seed"), [(30.0, 0), pytest.param(600.0, 1, marks=pytest.mark.slow)])
+def test_random_commands_held_for_random_times(lab: Callable, seconds: float, seed: int):
+    world, rng = lab(furnish=room), np.random.default_rng(seed)
     model, data, drive = world.model, world.data, world.drive
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     mass = float(model.body_subtreemass[0])
@@ -55,12 +55,3 @@ def drive_randomly(world, seconds: float, seed: int) -> None:
     # At zero command it comes to rest.
     world.run(4.0)
     assert np.abs(data.qvel).max() < 0.05
-
-
-def test_half_a_minute_of_random_commands(lab: Callable):
-    drive_randomly(lab(furnish=room), 30.0, seed=0)
-
-
-@pytest.mark.slow
-def test_ten_minutes_of_random_commands(lab: Callable):
-    drive_randomly(lab(furnish=room), 600.0, seed=1)
