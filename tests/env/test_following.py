@@ -6,8 +6,8 @@ import math
 import gymnasium as gym
 import numpy as np
 import pytest
+from driving import always, driven
 
-import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.env.tasks import following_reward
 
@@ -18,19 +18,11 @@ SMALL = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadows": Fals
 
 @pytest.mark.parametrize("name", PLACES)
 def test_oracle_and_servo_follow_to_the_end(name: str):
-    env = gym.make("pftrack_sim/Follow-v0", scenario=name, overrides=SMALL, image=False)
     policy = policies.FollowPolicy(trackers.make("oracle"), controllers.make("servo"))
-    observation, info = env.reset(seed=4)
-    rewards: list[float] = []
-    done = False
-    while not done:
-        observation, reward, terminated, truncated, info = env.step(policy(observation, info))
-        rewards.append(float(reward))
-        done = terminated or truncated
-    assert not terminated, (info["collision"], info["lost_s"])
-    assert len(rewards) == 300
-    assert np.mean(rewards) > 0.75
-    env.close()
+    infos = driven(name, SMALL, policy, 4)
+    assert infos[-1]["outcome"] == "finished", (infos[-1]["collision"], infos[-1]["lost_s"])
+    assert len(infos) == 300
+    assert np.mean([info["reward"] for info in infos]) > 0.75
 
 
 def test_the_nearest_bystander_is_measured_from_the_robot():
@@ -47,44 +39,23 @@ def test_the_nearest_bystander_is_measured_from_the_robot():
 
 def test_servo_at_a_short_distance_does_not_run_into_the_target():
     overrides = {**SMALL, "duration_s": 20, "follow.distance_m": 1.5, "target.actions": []}
-    env = gym.make("pftrack_sim/Follow-v0", scenario="follow/plaza", overrides=overrides, image=False)
-    observation, info = env.reset(seed=0)
-    robot = policies.robot_parameters(env.unwrapped.simulation.settings)
+    robot = policies.robot_parameters(scenario.load("follow/plaza", overrides).resolve(0))
     policy = policies.FollowPolicy(trackers.make("oracle"), controllers.make("servo"), robot)
-    distances: list[float] = []
-    while info.get("outcome") is None:
-        observation, _, _, _, info = env.step(policy(observation, info))
-        distances.append(info["distance_m"])
-    assert info["outcome"] == "finished"
+    infos = driven("follow/plaza", overrides, policy, 0)
+    assert infos[-1]["outcome"] == "finished"
+    distances = [info["distance_m"] for info in infos]
     assert min(distances) > 0.8
     assert np.median(distances) < 2.3
-    env.close()
 
 
 def test_a_robot_that_stands_still_loses_the_target():
-    env = gym.make(
-        "pftrack_sim/Follow-v0", scenario="easy/plaza-walk", overrides={**SMALL, "duration_s": 16}, image=False
-    )
-    env.reset(seed=4)
-    done = False
-    while not done:
-        _, reward, terminated, truncated, _ = env.step(np.zeros(4, np.float32))
-        done = terminated or truncated
-    assert reward < 0.1
-    env.close()
+    assert driven("easy/plaza-walk", {**SMALL, "duration_s": 16}, always(0, 0, 0, 0), 4)[-1]["reward"] < 0.1
 
 
 def test_a_policy_that_drives_into_the_target_ends_the_episode():
     overrides = {**SMALL, "robot.route": {"kind": "trail", "distance_m": 1.5}, "occluders": []}
-    env = gym.make("pftrack_sim/Follow-v0", scenario="easy/corridor", overrides=overrides, image=False)
-    env.reset(seed=4)
-    for _ in range(250):
-        _, _, terminated, _, info = env.step(np.array([1.0, 0, 0, 0], np.float32))
-        if terminated:
-            break
-    assert terminated
-    assert info["collision"] == "target"
-    env.close()
+    last = driven("easy/corridor", overrides, always(1, 0, 0, 0), 4)[-1]
+    assert (last["outcome"], last["collision"]) == ("collision", "target")
 
 
 def test_the_reward_is_one_at_the_goal_and_falls_to_zero_at_the_edges():

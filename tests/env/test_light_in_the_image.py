@@ -58,6 +58,11 @@ class Card:
         self.neutral.apply(0.0)
         return np.array(means)
 
+    def stops(self, axis: LightAxis, frames: int) -> np.ndarray:
+        """`(frames,)` luminance relative to the first frame."""
+        luminance = self.shoot(axis, frames) @ LUMINANCE
+        return np.log2(luminance / luminance[0])
+
 
 def linear(image: np.ndarray) -> np.ndarray:
     return ((image / 255.0) ** DISPLAY_GAMMA).mean(axis=(0, 1))
@@ -90,8 +95,7 @@ def test_a_step_has_the_given_depth_and_times(card: Card, severity: float):
     axis = LightAxis(
         auto_exposure=False, severity=severity, parts=("change",), dim_ev=1.2, at_s=0.5, hold_s=1.0, every_s=2.0
     )
-    luminance = card.shoot(axis, 90) @ LUMINANCE
-    stops = np.log2(luminance / luminance[0])
+    stops = card.stops(axis, 90)
     time_s = np.arange(90) / RATE_HZ
     dimmed = ((time_s >= 0.5 - 1e-6) & (time_s < 1.5 - 1e-6)) | (time_s >= 2.5 - 1e-6)
     assert abs(stops[~dimmed]).max() == 0.0
@@ -109,8 +113,7 @@ def test_a_ramp_has_the_given_rate(card: Card):
         every_s=4.0,
         severity=1.0,
     )
-    luminance = card.shoot(axis, 45) @ LUMINANCE
-    stops = np.log2(luminance / luminance[0])
+    stops = card.stops(axis, 45)
     expected = -np.clip(2.0 * (np.arange(45) / RATE_HZ - 0.2), 0.0, 2.0)
     assert abs(stops - expected).max() < 0.05
 
@@ -131,8 +134,7 @@ def test_auto_exposure_restores_the_luminance_with_the_given_lag(card: Card, lag
         severity=1.0, parts=("change",), dim_ev=2.0, at_s=0.5, hold_s=6.0, every_s=9.0, auto_exposure=True,
         exposure_lag_s=lag_s,
     )  # fmt: skip
-    luminance = card.shoot(axis, 150) @ LUMINANCE
-    stops = np.log2(luminance / luminance[0])
+    stops = card.stops(axis, 150)
     since_s = np.arange(150) / RATE_HZ - 0.5
     assert abs(stops[since_s < -1e-6]).max() < 0.05
     after = since_s > -1e-6
@@ -145,8 +147,7 @@ def test_auto_exposure_is_limited_to_its_range(card: Card):
         severity=1.0, parts=("change",), dim_ev=3.0, at_s=0.2, hold_s=6.0, every_s=9.0, auto_exposure=True,
         exposure_lag_s=0.0, exposure_range_ev=1.0,
     )  # fmt: skip
-    luminance = card.shoot(axis, 12) @ LUMINANCE
-    assert np.log2(luminance[-1] / luminance[0]) == pytest.approx(-2.0, abs=0.05)
+    assert card.stops(axis, 12)[-1] == pytest.approx(-2.0, abs=0.05)
 
 
 @pytest.mark.parametrize("kelvin", [2900.0, 4200.0, 12000.0])

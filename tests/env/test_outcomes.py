@@ -5,8 +5,8 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from driving import driven
 
-import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import controllers, policies, trackers
 from pftrack_sim.core.errors import ParameterError
 
@@ -24,25 +24,19 @@ def make(overrides: dict[str, Any], env_id: str = "pftrack_sim/Follow-v0") -> gy
     return gym.make(env_id, scenario="plaza-walk", overrides={**SMALL, **overrides}, image=False)
 
 
-def follow(env: gym.Env[Any, Any], controller: str, seed: int = 3) -> dict[str, Any]:
-    """The information at the end, with the number of steps."""
+def follow(overrides: dict[str, Any], controller: str) -> list[dict[str, Any]]:
+    """The information after each step."""
     policy = policies.FollowPolicy(trackers.make("oracle"), controllers.make(controller))
-    observation, info = env.reset(seed=seed)
-    for step in range(1000):
-        observation, _, terminated, truncated, info = env.step(policy(observation, info))
-        if terminated or truncated:
-            env.close()
-            return {**info, "steps": step + 1}
-    raise AssertionError("the episode never ended")
+    return driven("plaza-walk", {**SMALL, **overrides}, policy, 3)
 
 
 BACKWARDS = {"camera.mount": "back", "robot.gaze": "forward"}
 
 
 def test_a_target_behind_a_camera_that_does_not_turn_is_lost():
-    info = follow(make({**BACKWARDS, "follow.lost_after_s": 3.0}), "still")
-    assert info["outcome"] == "lost"
-    assert info["steps"] == 91  # lost_after_s and one frame
+    infos = follow({**BACKWARDS, "follow.lost_after_s": 3.0}, "still")
+    assert infos[-1]["outcome"] == "lost"
+    assert len(infos) == 91  # lost_after_s and one frame
 
 
 def test_a_target_that_starts_out_of_view_is_selected_when_first_visible():
@@ -63,8 +57,7 @@ def test_a_target_that_starts_out_of_view_is_selected_when_first_visible():
 
 
 def test_a_searching_controller_finds_a_target_that_starts_out_of_view():
-    info = follow(make(BACKWARDS), "servo")
-    assert info["outcome"] == "finished"
+    assert follow(BACKWARDS, "servo")[-1]["outcome"] == "finished"
 
 
 def test_a_wall_between_robot_and_target_ends_in_a_collision_with_it():

@@ -11,16 +11,15 @@ from types import ModuleType
 import mujoco
 import numpy as np
 import pytest
+from driving import driven
 from observing import mujocos_renderer
 from robot_files import EYE, LENS_AT, MJCF, PAN_AT, TILT_AT, URDF, stl, write_mjcf, write_urdf
 
-from pftrack_sim import controllers, policies, scenario
+from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_M, RANGES
-from pftrack_sim.core.records import Estimate
-from pftrack_sim.env.tasks import FollowEnv
 from pftrack_sim.scene.layout import ROBOT_GROUP, body_owners
 from pftrack_sim.simulation.simulation import Simulation
 
@@ -237,18 +236,10 @@ def test_the_script_drives_it_and_the_dry_run_knows_where(route: str, drive: dic
 @pytest.mark.parametrize("drive", [{}, CAR])
 def test_a_minute_is_followed_by_box_and_command(drive: dict[str, object], tmp_path: Path):
     overrides = {**QUIET, "robot.model": str(write_urdf(tmp_path)), "duration_s": 20, "target.actions": [], **drive}
-    env = FollowEnv("follow/plaza", overrides, image=False)
-    observation, info = env.reset(seed=0)
-    controller = controllers.make("servo-avoid")
-    controller.reset(policies.robot_parameters(env.simulation.settings))
-    over, rewards = False, []
-    while not over:
-        truth = info["truth"]
-        estimate = Estimate(truth.box, confidence=float(truth.scored), occluded=not truth.scored)
-        observation, reward, ended, over, info = env.step(controller.act(estimate, observation["proprio"]))
-        rewards.append(reward)
-        assert not ended, info["outcome"]
-    assert np.mean(rewards) > 0.8
+    policy = policies.FollowPolicy(trackers.make("oracle"), controllers.make("servo-avoid"))
+    infos = driven("follow/plaza", overrides, policy, 0)
+    assert infos[-1]["outcome"] == "finished"
+    assert np.mean([info["reward"] for info in infos]) > 0.8
 
 
 def edited(old: str, new: str) -> Callable[[str], str]:
