@@ -100,14 +100,12 @@ class CameraShake:
 
         `T_world_camera` is that of the camera on the mount, also for another one that is `seen_from` it.
         """
-        if self._still:
-            pose = np.array(T_world_camera, dtype=np.float64)
-            return pose if self._fixed is None else pose @ self._fixed
-        rotation, translation = self.offset(time_s)
-        T_camera_shaken = _IDENTITY.copy()
-        T_camera_shaken[:3, :3] = cv2.Rodrigues(rotation)[0]
-        T_camera_shaken[:3, 3] = translation
-        pose = T_world_camera @ T_camera_shaken
+        pose = np.array(T_world_camera, dtype=np.float64)
+        if not self._still:
+            rotation, translation = self.offset(time_s)
+            T_camera_shaken = _IDENTITY.copy()
+            T_camera_shaken[:3, :3], T_camera_shaken[:3, 3] = cv2.Rodrigues(rotation)[0], translation
+            pose = pose @ T_camera_shaken
         return pose if self._fixed is None else pose @ self._fixed
 
 

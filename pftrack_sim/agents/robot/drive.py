@@ -132,7 +132,7 @@ class Drive:
         self._owners: list[str] = [owners[body] for body in model.geom_bodyid.tolist()]
         self._own_geoms = model.body_rootid[model.geom_bodyid] == self._base
         self._ignored_geoms = self._own_geoms | np.array([owner == GROUND for owner in self._owners])
-        self.planar = _is_planar(model)
+        self.planar = bool(model.jnt_type[model.body(BASE).jntadr[0]] != mujoco.mjtJoint.mjJNT_FREE)
         """Whether the base slides on the ground by strong servos, without wheels and springs of its own."""
         self._base_motors = [model.actuator(name).id for name in _PLANAR_MOTORS] if self.planar else []
         low, high = self._head_range[0]
@@ -369,8 +369,3 @@ def _robot_qpos(model: mujoco.MjModel) -> slice:
     """Positions of the robot's joints in `qpos`, its free joint first."""
     owned = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == model.body(BASE).id)
     return slice(int(model.jnt_qposadr[owned[0]]), int(model.jnt_qposadr[owned[-1]]) + 1)
-
-
-def _is_planar(model: mujoco.MjModel) -> bool:
-    """Whether the base slides and turns on the ground by joints of its own, which no wheels drive."""
-    return model.jnt_type[model.body(BASE).jntadr[0]] != mujoco.mjtJoint.mjJNT_FREE
