@@ -70,9 +70,12 @@ def test_a_person_who_walks_at_a_wall_stays_off_it():
 def test_people_who_stand_in_each_other_or_in_a_wall_are_shifted_apart():
     people, house = movers((0.0, 0.0), (0.2, 0.0), (-1.9, 0.3)), wall(-3.0, 0.0)
     people["vx"] = people["vy"] = 0.0
+    before = people.copy()
     avoid(people, house, TICK_S)
     assert apart_m(people) > 0.46
     assert people["x"][2] > -2.0 + 0.26
+    for place, velocity in (("x", "vx"), ("y", "vy")):
+        np.testing.assert_allclose(people[velocity], (people[place] - before[place]) / TICK_S, atol=1e-9)
 
 
 def test_what_does_not_react_is_not_moved():
