@@ -177,6 +177,9 @@ def test_on_laps_each_oncoming_pedestrian_passes_the_target_once() -> None:
         assert abs(gap.argmin() * TICK_S - one.at_s) < 0.3
         assert gap.min() == pytest.approx(0.8, abs=0.1)
         assert np.ptp(near) * TICK_S < 4.0, "it came close once"
+        if one.waiting_m is not None:
+            waits = walked[: round((one.at_s - 20.0) / TICK_S), person]
+            assert np.linalg.norm(waits - one.waiting_m, axis=1).max(initial=0.0) < 0.3
         speeds = np.linalg.norm(np.diff(walked[:, person], axis=0), axis=1) / TICK_S
         assert speeds.max() < 2.41
 
