@@ -231,10 +231,6 @@ class Surroundings(NamedTuple):
         nearest_m = outline.nearest(self.target_m, self.target.heading_rad, point_m)
         return outside_circle(point_m, nearest_m, distance_m + outline.extra_m)
 
-    def off_robot(self, point_m: Xy, distance_m: float) -> Xy:
-        """The point, or the nearest at that distance from the robot."""
-        return outside_circle(point_m, self.robot_m, distance_m)
-
 
 class _Crosser:
     """What covers the line of sight from the camera to the target once."""
@@ -267,7 +263,7 @@ class CrossingPedestrian(_Crosser):
         self.phase = Phase.SCRIPTED
         if not crossing.at_s <= time_s <= crossing.until_s:
             detour = around.off_target(desired, _CROSSING_TARGET_DISTANCE_M)
-            detour = around.off_robot(detour, _CROSSING_ROBOT_DISTANCE_M)
+            detour = outside_circle(detour, around.robot_m, _CROSSING_ROBOT_DISTANCE_M)
             # After the cover, timing does not matter: the pedestrian is released as soon as anything is in its way.
             if trajectory.finished(time_s) or (time_s > crossing.until_s and self._blocked(dt_s, desired, detour)):
                 self.phase = Phase.RELEASED
@@ -323,7 +319,7 @@ class Cart(_Crosser):
             desired = x + share * vx * dt_s, y + share * vy * dt_s
         if not crossing.at_s <= time_s <= crossing.until_s:
             desired = around.off_target(desired, _CART_TARGET_DISTANCE_M)
-            desired = around.off_robot(desired, _CART_ROBOT_DISTANCE_M)
+            desired = outside_circle(desired, around.robot_m, _CART_ROBOT_DISTANCE_M)
             desired = self._obstacles.pushed_out(desired, _CART_WALL_DISTANCE_M)
         step_towards(self.state, dt_s, desired, _CART_SPEED_LIMIT_M_S)
         if self._trajectory.finished(time_s):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.crossing import Phase, Surroundings, step_towards
+from pftrack_sim.agents.pedestrians.crossing import Phase, Surroundings, outside_circle, step_towards
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
@@ -130,7 +130,7 @@ class OncomingPedestrian:
         if abs(s - meeting) > _EXACT_LANE_M:
             desired = self._obstacles.pushed_out(desired, _WALL_DISTANCE_M)
             desired = around.off_target(desired, abs(self._plan.left_m))
-        desired = around.off_robot(desired, _ONCOMING_ROBOT_DISTANCE_M)
+        desired = outside_circle(desired, around.robot_m, _ONCOMING_ROBOT_DISTANCE_M)
         step_towards(self.state, dt_s, desired, _ONCOMING_SPEED_LIMIT_M_S)
 
     def _s_m(self, time_s: float) -> float:
