@@ -159,12 +159,7 @@ def test_what_is_done_with_changed_run_folders(
         (path / "SHA256SUMS").unlink()
     changed = {mutate_folder(path, data) for _ in range(changes)}
     store = RunStore(finished)
-    good = [
-        name
-        for one in store.plan.asked.values()
-        if not changed & {*(own := store.names_of_tables(one))}
-        for name in own
-    ]
+    good = [name for one in store.plan.asked.values() if not changed & {*(own := one.tables)} for name in own]
     ended = False
     with deadline(240.0):
         for what in (

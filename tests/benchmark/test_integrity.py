@@ -20,8 +20,8 @@ from pftrack_sim.simulation.simulation import Simulation
 from tests.benchmark.small import small_plan
 
 PLAN = small_plan(range(2), ["oracle", "stay"], **{"distractors.count": 1})
-FIRST, _, SECOND, _ = (f"episodes/{one.file}.parquet" for one in PLAN.asked.values())
-FRAMES = f"frames/{PLAN.episode(0).frames_file}.parquet"
+FIRST, _, SECOND, _ = (one.table for one in PLAN.asked.values())
+FRAMES = PLAN.episode(0).frames_table
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +113,7 @@ def test_the_same_episode_of_another_plan_is_refused(copied: Path, tmp_path: Pat
     others = run(small_plan(range(2), ["ncc"]), tmp_path / "others", videos="none")
     for store in (other, others):
         (copied / SUMS).unlink()
-        shutil.copy(list(store.present)[-1], copied / SECOND)
+        shutil.copy(store.path / list(store.present.values())[-1].table, copied / SECOND)
         assert {one.partition(":")[0] for one in check(copied).problems} == {SUMS, SECOND}
         with pytest.raises(RunError, match="is of another episode"):
             run(PLAN, copied, videos="none")

@@ -267,9 +267,14 @@ class Episode:
         return tuple(AskedResult(self, one, keys.digest(common, one.digest)) for one in self.trackers)
 
     @property
-    def frames_file(self) -> str:
-        """Path of the table of the frames within its folder, without a suffix."""
-        return f"{self.stem}-{keys.short(self.frames_key)}"
+    def frames_table(self) -> str:
+        """Path within a run folder of the table of its frames."""
+        return f"frames/{self.stem}-{keys.short(self.frames_key)}.parquet"
+
+    @property
+    def video(self) -> str:
+        """Path within a run folder of its video."""
+        return f"videos/{self.path}.mp4"
 
     @property
     def path(self) -> str:
@@ -298,9 +303,19 @@ class AskedResult:
     key: str
 
     @property
-    def file(self) -> str:
+    def path(self) -> str:
         """Path of its files within their folders, without a suffix; it ends in the short key."""
         return f"{self.episode.stem}-{slug(self.tracker.label)}-{keys.short(self.key)}"
+
+    @property
+    def table(self) -> str:
+        """Path within a run folder of its table."""
+        return f"episodes/{self.path}.parquet"
+
+    @property
+    def tables(self) -> tuple[str, str]:
+        """Paths within a run folder of its table and of that of its frames."""
+        return self.table, self.episode.frames_table
 
 
 def _kind(trackers: tuple[TrackerSpec, ...]) -> EpisodeKind:

@@ -132,11 +132,10 @@ class RunFolder:
         return {key_of(name) for name in self._tables() if name.startswith("episodes/")}
 
     @property
-    def present(self) -> dict[Path, AskedResult]:
-        """The results that are asked for and there with their frames, by their files, in the plan's order."""
+    def present(self) -> dict[str, AskedResult]:
+        """The results that are asked for and there with their frames, by their short keys, in the plan's order."""
         there = set(self._tables())
-        asked = (one for one in self.plan.asked.values() if there.issuperset(self.names_of_tables(one)))
-        return {self.result_file(one): one for one in asked}
+        return {key: one for key, one in self.plan.asked.items() if there.issuperset(one.tables)}
 
     def opened(self) -> list[tuple[AskedResult, dict[str, str]]]:
         """Results of third-party trackers, with digests of the files that these have loaded and opened, by name.
@@ -144,15 +143,15 @@ class RunFolder:
         Raises:
             RunError: A result cannot be read.
         """
-        theirs = {file: one for file, one in self.present.items() if not is_builtin(one.tracker.name)}
-        known = ((theirs[file], metadata.get(OPENED, {})) for file, metadata in read_metadata(theirs))
+        theirs = [one for one in self.present.values() if not is_builtin(one.tracker.name)]
+        known = ((one, metadata.get(OPENED, {})) for one, metadata in read_metadata(self.path, theirs))
         return [(one, {str(name): str(was) for name, was in files.items()}) for one, files in known]
 
     @property
     def missing(self) -> list[AskedResult]:
         """The results that are asked for and not there, in the plan's order."""
         present = self.present
-        return [one for one in self.plan.asked.values() if self.result_file(one) not in present]
+        return [one for key, one in self.plan.asked.items() if key not in present]
 
     @property
     def foreign(self) -> list[str]:
@@ -170,22 +169,6 @@ class RunFolder:
         """Paths within the folder of the tables of results and of frames that are there."""
         names = (name for name in self.checksums.names() if name.startswith(TABLES_OF_RESULTS))
         return [name for name in names if is_file(self.path / name)]
-
-    def names_of_tables(self, asked: AskedResult) -> tuple[str, str]:
-        """Paths within the folder of a result's table and of that of its frames."""
-        return f"episodes/{asked.file}.parquet", f"frames/{asked.episode.frames_file}.parquet"
-
-    def result_file(self, asked: AskedResult) -> Path:
-        """Path of a result's table."""
-        return self.path / "episodes" / f"{asked.file}.parquet"
-
-    def frames_file(self, episode: Episode) -> Path:
-        """Path of the table of an episode's frames."""
-        return self.path / "frames" / f"{episode.frames_file}.parquet"
-
-    def video_file(self, episode: Episode) -> Path:
-        """Path of an episode's video."""
-        return self.path / "videos" / f"{episode.path}.mp4"
 
     def add(self, files: Mapping[str, bytes]) -> None:
         """Write files, by their paths within the folder; a table of frames that is there already stays.
@@ -301,10 +284,10 @@ def _names(plan: Plan) -> Iterator[str]:
 
 def names_of_result(asked: AskedResult) -> list[str]:
     """Paths within a run folder of all files that a result may have."""
-    return [f"episodes/{asked.file}.parquet", f"errors/{asked.file}.png", f"errors/{asked.file}.txt"]
+    return [asked.table, f"errors/{asked.path}.png", f"errors/{asked.path}.txt"]
 
 
 def names_of_episode(episode: Episode) -> list[str]:
     """Paths within a run folder of all files that an episode may have besides its results; first that of its frames."""
     logs = [f"logs/{episode.path}{form.suffix}" for form in FORMATS.values()]
-    return [f"frames/{episode.frames_file}.parquet", f"videos/{episode.path}.mp4", *logs]
+    return [episode.frames_table, episode.video, *logs]

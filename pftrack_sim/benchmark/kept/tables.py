@@ -128,18 +128,18 @@ def parquet(files: Iterable[Path]) -> str:
     return f"read_parquet([{', '.join(map(sql_text, files))}], hive_partitioning = false)"
 
 
-def read_metadata(files: Mapping[Path, AskedResult]) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Metadata of results' tables, read a few hundred at a time.
+def read_metadata(folder: Path, results: Iterable[AskedResult]) -> Iterator[tuple[AskedResult, dict[str, Any]]]:
+    """Metadata of results' tables in a run folder, read a few hundred at a time.
 
     Raises:
         RunError: One of them is no result's table, or that of another result.
     """
-    waiting = iter(files.items())
-    while chunk := dict(islice(waiting, CHUNK)):
-        yield from _read_chunk(chunk)
+    waiting = iter(results)
+    while chunk := list(islice(waiting, CHUNK)):
+        yield from _read_chunk({folder / one.table: one for one in chunk})
 
 
-def _read_chunk(files: Mapping[Path, AskedResult]) -> Iterator[tuple[Path, dict[str, Any]]]:
+def _read_chunk(files: Mapping[Path, AskedResult]) -> Iterator[tuple[AskedResult, dict[str, Any]]]:
     for path in files:
         if not is_file(path) or path.stat().st_size > MAX_BYTES:
             raise RunError(f"{path}: not a result's table: not a regular file of at most {MAX_BYTES} bytes")
@@ -164,7 +164,7 @@ def _read_chunk(files: Mapping[Path, AskedResult]) -> Iterator[tuple[Path, dict[
                 f"{path}: is of another episode ({other}), not of {asked.episode.name}, {asked.tracker.label}; "
                 "remove it and the same command runs the episode again"
             )
-        yield path, known
+        yield asked, known
 
 
 def column(values: Sequence[Any]) -> Column:

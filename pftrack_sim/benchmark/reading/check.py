@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,17 +59,16 @@ def check(path: Path) -> CheckReport:
     """
     folder = RunFolder(path)
     plan, present, changes = folder.plan, folder.present, folder.checksums.changes()
-    missing = [one for one in plan.asked.values() if folder.result_file(one) not in present]
-    tables = {one.key: set(folder.names_of_tables(one)) for one in plan.asked.values()}
+    missing = [one for key, one in plan.asked.items() if key not in present]
     foreign = sorted(folder.foreign, key=lambda name: not name.startswith(FOLDERS))
     # These are named by their episodes, or as foreign.
-    named = {*foreign}.union(*(tables[one.key] for one in missing))
+    named = {*foreign}.union(*(one.tables for one in missing))
     problems = [f"{name}: {problem}" for name, problem in changes.items() if name not in named]
     if folder.checksums.known is None:
         problems.append(f"{SUMS}: missing")
-    damaged = [one for one in plan.asked.values() if tables[one.key] & changes.keys()]
+    damaged = [one for one in plan.asked.values() if not changes.keys().isdisjoint(one.tables)]
     if present and not damaged and not (folder.finished and missing):
-        problems += [one for one in _derived_problems(folder, present) if one.partition(":")[0] not in changes]
+        problems += [one for one in _derived_problems(folder, present.values()) if one.partition(":")[0] not in changes]
     lacking: dict[int, list[AskedResult]] = {}
     for one in missing:
         lacking.setdefault(one.episode.number, []).append(one)
@@ -89,7 +88,7 @@ def check(path: Path) -> CheckReport:
     return CheckReport(path, intact, plan.episode_count, tuple(problems), beside)
 
 
-def _derived_problems(folder: RunFolder, present: Mapping[Path, AskedResult]) -> Iterator[str]:
+def _derived_problems(folder: RunFolder, present: Iterable[AskedResult]) -> Iterator[str]:
     """A result that is of another episode; the summary or a table if it is not what the results lead to."""
     path = folder.path / SUMMARY
     with duckdb.connect() as database:

@@ -60,15 +60,14 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
     with RunStore.begin(out, plan) as merged:
         for source in (store for store in stores if store.path.resolve() != out.resolve()):
             there, found = merged.present, source.present
-            source.verify(name for one in found.values() for name in source.names_of_tables(one))
-            ours = read_metadata({file: one for one in found.values() if (file := merged.result_file(one)) in there})
-            for file, theirs in read_metadata(found):
-                one = found[file]
-                if merged.result_file(one) in there:
-                    _check_equal(one, next(ours), (file, theirs))
+            source.verify(name for one in found.values() for name in one.tables)
+            ours = read_metadata(merged.path, (one for key, one in found.items() if key in there))
+            for key, (one, theirs) in zip(found, read_metadata(source.path, found.values()), strict=True):
+                if key in there:
+                    _check_equal(one, (merged.path, next(ours)[1]), (source.path, theirs))
                     shared += 1
                 else:
-                    merged.add(_contents(source.path, [*names_of_result(one), *source.names_of_tables(one)]))
+                    merged.add(_contents(source.path, [*names_of_result(one), *one.tables]))
                     added += 1
             for episode in {one.episode.number: one.episode for one in found.values()}.values():
                 merged.add(_contents(source.path, names_of_episode(episode)))
@@ -88,10 +87,11 @@ def _contents(folder: Path, names: Sequence[str]) -> dict[str, bytes]:
 
 
 def _check_equal(asked: AskedResult, merged: tuple[Path, dict[str, Any]], other: tuple[Path, dict[str, Any]]) -> None:
-    (path, one), (other_path, two) = merged, other
+    (folder, one), (other_folder, two) = merged, other
     if (one["content_sha256"], one["frames_digest"]) != (two["content_sha256"], two["frames_digest"]):
         frames = "; their frames differ" if one["frames_digest"] != two["frames_digest"] else ""
         raise RunError(
-            f"{path} and {other_path} have different content for {asked.episode.name}, {asked.tracker.label}{frames} "
+            f"{folder / asked.table} and {other_folder / asked.table} have different content for "
+            f"{asked.episode.name}, {asked.tracker.label}{frames} "
             f"({one['graphics']}, version {one['version']}; {two['graphics']}, version {two['version']})"
         )

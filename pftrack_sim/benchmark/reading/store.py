@@ -55,7 +55,7 @@ class RunStore(RunFolder):
     def write_summary(self) -> None:
         """Write the summary and the tables of the results that are there; mark the run finished if all are."""
         present = self.present
-        write_summary(self, present)
+        write_summary(self, present.values())
         if len(present) == len(self.plan.asked) and not self.finished:
             self.note(finished=now())
         self.checksums.end()
@@ -71,22 +71,23 @@ class RunStore(RunFolder):
         Raises:
             RunError: There is no finished episode, or a file cannot be read.
         """
-        files = self.present
-        if not files:
+        present = self.present
+        if not present:
             raise RunError(f"{self.path} has no finished episode yet")
         missing = self.missing if self.finished else []
-        for file in filter(is_file, map(self.result_file, missing)):
+        for file in filter(is_file, (self.path / one.table for one in missing)):
             raise RunError(f"{file}: has no checksum, or its frames are missing; pftrack-sim check lists all problems")
-        drawn = dict.fromkeys(self.frames_file(one.episode) for one in files.values())
-        self.verify(file.relative_to(self.path).as_posix() for file in (*files, *drawn))
+        results, drawn = (dict.fromkeys(names) for names in zip(*(one.tables for one in present.values()), strict=True))
+        self.verify((*results, *drawn))
         database = duckdb.connect()
         try:
             if self.checksums.complete and self.finished and not missing and not self.checksums.changes([SUMMARY]):
                 database.execute(f"CREATE VIEW summary AS FROM {parquet([self.path / SUMMARY])}")
             else:
-                load_summary(database, self, files)
+                load_summary(database, self, present.values())
+            tables = [parquet(self.path / name for name in names) for names in (results, drawn)]
             for view in (_FRAMES, _PEOPLE, _EPISODES):
-                database.execute(view.format(results=parquet(files), drawn=parquet(drawn)))
+                database.execute(view.format(results=tables[0], drawn=tables[1]))
             create_loss_views(database)
             if self.plan.kind == "follow":
                 database.execute(FAILURES)
@@ -150,11 +151,11 @@ class RunStore(RunFolder):
         file = Path(os.path.realpath(self.path / result.file))
         if not file.is_relative_to(os.path.realpath(self.path)) or not is_file(file):
             raise RunError(f"{self.path}: the summary names a file that is not in the run folder: {result.file!r}")
-        drawn = self.frames_file(self.plan.episode(int(result.values["number"])))
-        self.verify([result.file, drawn.relative_to(self.path).as_posix()])
+        drawn = self.plan.episode(int(result.values["number"])).frames_table
+        self.verify([result.file, drawn])
         try:
             with duckdb.connect() as database, query_deadline(database):
-                database.execute(_FRAMES.format(results=parquet([file]), drawn=parquet([drawn])))
+                database.execute(_FRAMES.format(results=parquet([file]), drawn=parquet([self.path / drawn])))
                 table = database.execute(f"SELECT {', '.join(names)} FROM frames ORDER BY frame")
                 return cast("Any", table).fetchnumpy()
         except duckdb.Error as error:
@@ -162,7 +163,7 @@ class RunStore(RunFolder):
 
     def video_of(self, result: Result) -> Path | None:
         """The video of a result's episode, if there is one."""
-        path = self.video_file(self.plan.episode(int(result.values["number"])))
+        path = self.path / self.plan.episode(int(result.values["number"])).video
         return path if is_file(path) else None
 
     def error_picture(self, result: Result) -> Path | None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import duckdb
@@ -151,22 +150,22 @@ def results_of(database: duckdb.DuckDBPyConnection, plan: Plan) -> Iterator[Resu
         yield Result(tracker, values["scenario"], condition, int(values["seed"]), values)
 
 
-def load_summary(database: duckdb.DuckDBPyConnection, folder: RunFolder, files: Mapping[Path, AskedResult]) -> None:
+def load_summary(database: duckdb.DuckDBPyConnection, folder: RunFolder, results: Iterable[AskedResult]) -> None:
     """Fill a table `summary` of results of a run folder; they are read a few hundred at a time."""
     places = {label: place for place, label in enumerate(folder.plan.labels)}
-    found, made = read_metadata(files), False
+    found, made = read_metadata(folder.path, results), False
     while chunk := list(islice(found, CHUNK)):
         rows = [
             {
-                "number": files[file].episode.number,
-                "place": places[files[file].tracker.label],
+                "number": one.episode.number,
+                "place": places[one.tracker.label],
                 **dict.fromkeys(SCORES),
                 **metadata,
                 "level_names": list(metadata["levels"]),
                 "level_values": list(metadata["levels"].values()),
-                "file": file.relative_to(folder.path).as_posix(),
+                "file": one.table,
             }
-            for file, metadata in chunk
+            for one, metadata in chunk
         ]
         names = [name for name in dict.fromkeys(name for row in rows for name in row) if name not in ("levels", OPENED)]
         database.register("chunk", {name: column([row.get(name) for row in rows]) for name in names})
@@ -180,17 +179,17 @@ def load_summary(database: duckdb.DuckDBPyConnection, folder: RunFolder, files: 
         made = True
 
 
-def write_summary(folder: RunFolder, files: Mapping[Path, AskedResult]) -> None:
+def write_summary(folder: RunFolder, results: Collection[AskedResult]) -> None:
     """Write the summary and the tables of these results of a run folder, if there are any.
 
     Raises:
         RunError: They cannot be written.
     """
-    if not files:
+    if not results:
         return
     with duckdb.connect() as database:
         try:
-            load_summary(database, folder, files)
+            load_summary(database, folder, results)
             with atomic_write(folder.path / SUMMARY) as part:
                 database.execute(f"COPY (FROM summary ORDER BY number, place) TO {sql_text(part)} (FORMAT parquet)")
             for name, content in tables_of(database):

@@ -133,7 +133,7 @@ def results_on(
 ) -> tuple[list[Row], list[str]]:
     """Rows of the trackers' results in a run that are exactly those of a suite, and the names of those it lacks."""
     asked = suite_plan(name, trackers, store.plan.environment, seeds).asked
-    there = {keys.short(one.key) for one in store.present.values()} & asked.keys()
+    there = store.present.keys() & asked.keys()
     rows = [row for row in rows_of(store) if keys.short(row["key"]) in there] if there else []
     return rows, [one.episode.name for key, one in asked.items() if key not in there]
 

@@ -147,10 +147,10 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
             "version": pftrack_sim.__version__,
         }
         contents, rows = write_results(folder, episode, log, runners, course.columns(), metadata)
-        files = [one.file for one in episode.results]
+        files = [one.path for one in episode.results]
         contents |= {f"errors/{name}": content for name, content in errors.files(files).items()}
         contents |= {f"logs/{episode.path}{path.suffix}": path.read_bytes() for path in logs.values()}
-        contents |= {f"videos/{episode.path}.mp4": video.read_bytes()} if job.video else {}
+        contents |= {episode.video: video.read_bytes()} if job.video else {}
         return EpisodeFiles(contents, len(log.truths), tuple(rows))
 
 

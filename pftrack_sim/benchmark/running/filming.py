@@ -145,7 +145,7 @@ def film(
     videos: list[Path] = []
     for number in dict.fromkeys(int(one.values["number"]) for one in results):
         episode = store.plan.episode(number)
-        videos.append(store.video_file(episode))
+        videos.append(store.path / episode.video)
         if not videos[-1].is_file():
             _film(store, episode, videos[-1], backend)
         on_episode()

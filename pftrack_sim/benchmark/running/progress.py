@@ -52,8 +52,8 @@ class ProgressCounter:
         self._frames = 0
         self._last: str | None = None
         self._start_s = time.monotonic()
-        present = {file: one for file, one in store.present.items() if one.episode.number in mine}
-        for _, row in read_metadata(present):
+        present = (one for one in store.present.values() if one.episode.number in mine)
+        for _, row in read_metadata(store.path, present):
             self._count(row)
 
     def extend(self, plan: Plan, part: tuple[int, int]) -> None:

@@ -75,7 +75,7 @@ def write_results(
     with table_writer(truth=drawn, people=people) as write:
         driver = episode.trackers[0].label if episode.kind == "follow" else None
         write(file, _FRAMES, identity=_row({**names, "label": driver, "frames_key": episode.frames_key}))
-        contents[f"frames/{episode.frames_file}.parquet"] = file.read_bytes()
+        contents[episode.frames_table] = file.read_bytes()
         for asked, runner in zip(episode.results, runners, strict=True):
             spec, frames = runner.spec, score.frame_scores(runner.boxes, true_boxes)
             identity = {
@@ -107,7 +107,7 @@ def write_results(
                 "ms": np.array(runner.ms, dtype=np.float64),
             }
             write(file, _RESULT, {**row, OPENED: dict(runner.opened)}, identity=_row(identity), estimates=estimates)
-            contents[f"episodes/{asked.file}.parquet"] = file.read_bytes()
+            contents[asked.table] = file.read_bytes()
             rows.append(row)
     return contents, rows
 
