@@ -9,7 +9,7 @@ import pytest
 
 from pftrack_sim.benchmark import RunStore, run
 from pftrack_sim.benchmark.running import episode, frame_cache
-from pftrack_sim.benchmark.running.frame_cache import EntryWriter, FrameCache
+from pftrack_sim.benchmark.running.frame_cache import FrameCache
 from pftrack_sim.benchmark.running.rollout import rollout, simulated
 from pftrack_sim.benchmark.running.sinks import TruthLog
 from pftrack_sim.simulation.simulation import Simulation
@@ -67,12 +67,10 @@ def test_two_writers_of_the_same_episode_leave_one_entry(tmp_path: Path):
     log = TruthLog()
     with (
         Simulation(PLAN.episode(0).scenario) as simulation,
-        EntryWriter(cache, entry) as one,
-        EntryWriter(cache, entry) as other,
+        cache.writer(entry, log) as one,
+        cache.writer(entry, log) as other,
     ):
         rollout(simulated(simulation, 0), (), [log, one, other])
-        one.finish(log, "test")
-        other.finish(log, "test")
     assert list(cache.folder.iterdir()) == [entry]
     cached, again = cache.open(entry), TruthLog()
     assert cached is not None

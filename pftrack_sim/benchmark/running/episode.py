@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import tempfile
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,9 +18,19 @@ import pftrack_sim
 from pftrack_sim import controllers, policies
 from pftrack_sim.benchmark.asked.plan import Episode
 from pftrack_sim.benchmark.keys import differences, environment
-from pftrack_sim.benchmark.running.frame_cache import DamagedEntry, EntryWriter, FrameCache
+from pftrack_sim.benchmark.running.frame_cache import DamagedEntry, FrameCache
 from pftrack_sim.benchmark.running.results import write_results
-from pftrack_sim.benchmark.running.rollout import Backwards, Driver, Sample, Sink, detected, drive, rollout, simulated
+from pftrack_sim.benchmark.running.rollout import (
+    Driver,
+    Sample,
+    Sink,
+    backwards,
+    detected,
+    drive,
+    passing,
+    rollout,
+    simulated,
+)
 from pftrack_sim.benchmark.running.sinks import ErrorLog, FollowLog, TruthLog, episode_log, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core.errors import RunError
@@ -115,6 +125,7 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
             stack.callback(runner.close)
         settings = fitted_settings(episode.scenario.resolve(episode.seed))
         log, course = TruthLog(), FollowLog()
+        drawn = TruthLog() if episode.backward else log
         following: dict[str, Any] = {}
         errors = ErrorLog(runners, job.labels)
         sinks: list[Sink] = [log, errors]
@@ -134,16 +145,21 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
                 env = stack.enter_context(contextlib.closing(made))
                 drive(env, episode.seed, _driver(runners[0], settings, episode.latency_ms), [*sinks, course])
                 following = course.scores(settings, env.simulation.frame_count)
-                graphics = env.simulation.graphics
+                drawn.graphics = env.simulation.graphics
             else:
-                graphics = _show(job, runners, sinks, log, folder)
+                with _drawn(job, drawn) as samples:
+                    if episode.backward:
+                        samples = backwards(passing(samples, drawn), folder)
+                    if any(runner.needs_detections for runner in runners):
+                        samples = detected(samples, episode.scenario.resolve(episode.seed), episode.seed)
+                    rollout(samples, runners, sinks)
         metadata = {
             **following,
             "frames_digest": log.frames_digest,
             "episode_frames": len(log.truths),
             "rate_hz": settings.camera.rate_hz,
             "levels": dict(episode.condition.levels),
-            "graphics": graphics,
+            "graphics": drawn.graphics,
             "version": pftrack_sim.__version__,
         }
         contents, rows = write_results(folder, episode, log, runners, course.columns(), metadata)
@@ -154,47 +170,30 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
         return EpisodeFiles(contents, len(log.truths), tuple(rows))
 
 
-def _show(job: EpisodeJob, runners: list[TrackerRunner], sinks: list[Sink], log: TruthLog, folder: Path) -> str:
-    """Show the frames of an episode in open loop to trackers; returns what drew them."""
-
-    def shown(samples: Iterable[Sample]) -> Iterable[Sample]:
-        episode, wanted = job.episode, any(runner.needs_detections for runner in runners)
-        return detected(samples, episode.scenario.resolve(episode.seed), episode.seed) if wanted else samples
-
-    if not job.episode.backward:
-        return _draw(job, lambda samples, more: rollout(shown(samples), runners, [*sinks, *more]), log)
-    with Backwards(folder) as kept:
-        drawn = TruthLog()
-        graphics = _draw(job, lambda samples, more: rollout(samples, (), [drawn, kept, *more]), drawn)
-        rollout(shown(kept.samples()), runners, sinks)
-        return graphics
-
-
-def _draw(job: EpisodeJob, show: Callable[[Iterable[Sample], list[Sink]], None], log: TruthLog) -> str:
-    """Give `show` the frames of an episode, drawn or from the cache, and more sinks; returns what drew them.
+@contextlib.contextmanager
+def _drawn(job: EpisodeJob, log: TruthLog) -> Generator[Iterable[Sample]]:
+    """Frames of an episode in open loop, from the cache, or drawn and kept there; in the block `log` receives them.
 
     Raises:
         DamagedEntry: The frames came from the cache, and are not those that were drawn.
     """
     # Logs hold what the robot sensed, which is not in the cache.
-    episode, frames = job.episode, job.cache if not job.logs else None
-    entry = frames.entry(episode.drawn_key, job.backend) if frames is not None else None
-    if frames is not None and entry is not None and (cached := frames.open(entry)) is not None:
-        show(cached.samples(), [])
+    episode, cache = job.episode, job.cache if not job.logs else None
+    entry = cache.entry(episode.drawn_key, job.backend) if cache is not None else None
+    if cache is not None and entry is not None and (cached := cache.open(entry)) is not None:
+        yield cached.samples()
+        log.graphics = cached.graphics
         if log.frames_digest != cached.frames_digest:
-            frames.remove(entry)
+            cache.remove(entry)
             raise DamagedEntry
-        return cached.graphics
+        return
     with ExitStack() as opened:
         simulation = opened.enter_context(Simulation(episode.scenario, backend=job.backend))
-        writer = None
-        if frames is not None and entry is not None:
-            with contextlib.suppress(OSError):  # a cache that cannot be written costs time, not the run
-                writer = opened.enter_context(EntryWriter(frames, entry))
-        show(simulated(simulation, episode.seed, sensors=bool(job.logs)), [writer] if writer else [])
-        if writer is not None:
-            writer.finish(log, simulation.graphics)
-        return simulation.graphics
+        samples = simulated(simulation, episode.seed, sensors=bool(job.logs))
+        if cache is not None and entry is not None:
+            samples = passing(samples, opened.enter_context(cache.writer(entry, log)))
+        yield samples
+        log.graphics = simulation.graphics
 
 
 def _driver(runner: TrackerRunner, settings: ResolvedScenario, latency_ms: float) -> Driver:

@@ -20,7 +20,7 @@ from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
-from pftrack_sim.benchmark.running.rollout import Action, Backwards, Sample, Sink, Step, drive, rollout, simulated
+from pftrack_sim.benchmark.running.rollout import Action, Sample, Sink, Step, backwards, drive, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import ErrorLog, TruthLog, episode_log, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
@@ -156,12 +156,7 @@ def draw_again(episode: Episode, sinks: Sequence[Sink], backend: str | None = No
     """Draw the frames of an open-loop episode again for sinks, in the order in which they were shown."""
     with Simulation(episode.scenario, backend=backend) as simulation:
         samples = simulated(simulation, episode.seed)
-        if not episode.backward:
-            rollout(samples, (), sinks)
-            return
-        with Backwards() as kept:
-            rollout(samples, (), [kept])
-            rollout(kept.samples(), (), sinks)
+        rollout(backwards(samples) if episode.backward else samples, (), sinks)
 
 
 def _film(store: RunStore, episode: Episode, video: Path, backend: str | None) -> None:

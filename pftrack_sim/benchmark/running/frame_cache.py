@@ -15,19 +15,19 @@ import os
 import shutil
 import tempfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, fields
 from functools import cache
 from itertools import islice
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 from zipfile import BadZipFile
 
 import mujoco
 import numpy as np
 
 from pftrack_sim.benchmark.keys import digest
-from pftrack_sim.benchmark.running.rollout import Sample, Step
+from pftrack_sim.benchmark.running.rollout import Sample, Sink, Step
 from pftrack_sim.benchmark.running.sinks import TruthLog
 from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.core.records import Frame, Truth
@@ -77,6 +77,41 @@ class FrameCache:
         with contextlib.suppress(OSError):
             os.utime(entry)
         return found
+
+    @contextlib.contextmanager
+    def writer(self, entry: Path, log: TruthLog) -> Generator[Sink]:
+        """Give a sink that writes frames as an entry; it appears at the end of the block, and old ones make room.
+
+        At the end `log` has the truth of the frames. What cannot be written costs the entry, not the run.
+        """
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            part = Path(tempfile.mkdtemp(prefix=".part-", dir=self.folder))
+            file = open(part / "frames.raw", "wb", buffering=0)  # noqa: SIM115 - closed below
+        except OSError:
+            yield lambda _: None
+            return
+        shape: tuple[int, ...] = ()
+        whole = True
+
+        def write(step: Step) -> None:
+            nonlocal shape, whole
+            shape, image = step.sample.image.shape, np.ascontiguousarray(step.sample.image)
+            try:
+                whole = file.write(image.data) == image.nbytes and whole
+            except OSError:
+                whole = False
+
+        try:
+            with file:
+                yield write
+            if whole:
+                with contextlib.suppress(OSError):  # a full disk, or another worker wrote the same episode
+                    _write_truth(part / "truth.npz", log, shape)
+                    part.rename(entry)
+                self.evict()
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
 
     def remove(self, entry: Path) -> None:
         """Remove an entry; one that is absent is fine."""
@@ -133,60 +168,19 @@ class CachedEpisode:
             yield Sample(time_s, frame.image, frame.truth.box, frame.truth.visible_fraction, frame)
 
 
-class EntryWriter:
-    """Sink that writes the frames of an episode into the cache; what is not finished is removed by `close`."""
-
-    def __init__(self, cache_: FrameCache, entry: Path) -> None:
-        self._cache, self._entry = cache_, entry
-        cache_.folder.mkdir(parents=True, exist_ok=True)
-        self._part = Path(tempfile.mkdtemp(prefix=".part-", dir=cache_.folder))
-        self._file = open(self._part / "frames.raw", "wb")  # noqa: SIM115 - closed in close
-        self._shape: tuple[int, ...] = ()
-        self._whole = True
-
-    def __call__(self, step: Step) -> None:
-        """Add a frame."""
-        frame = step.sample.frame
-        assert frame is not None
-        try:
-            self._file.write(np.ascontiguousarray(frame.image).data)
-        except OSError:  # a full disk costs the entry, not the run
-            self._whole = False
-        self._shape = frame.image.shape
-
-    def finish(self, log: TruthLog, graphics: str) -> None:
-        """Add the truth of the frames, give the entry its name, and remove old ones if there are too many."""
-        with contextlib.suppress(OSError):  # a full disk, or another worker wrote the same episode
-            self._file.close()
-            if self._whole:
-                people = [one for there in log.people for one in there]
-                arrays: dict[str, Any] = {
-                    one.name: np.array([getattr(truth, one.name) for truth in people]) for one in _FIELDS
-                }
-                np.savez_compressed(
-                    self._part / "truth.npz",
-                    **arrays,
-                    occluders=np.array([json.dumps(truth.occluders) for truth in people]),
-                    times_s=np.array([truth.time_s for truth in log.truths]),
-                    counts=np.array([len(there) for there in log.people]),
-                    shape=np.array([len(log.people), *self._shape]),
-                    frames_digest=np.array(log.frames_digest),
-                    graphics=np.array(graphics),
-                )
-                self._part.rename(self._entry)
-        self._cache.evict()
-
-    def close(self) -> None:
-        """Remove what was not finished."""
-        with contextlib.suppress(OSError):
-            self._file.close()
-        shutil.rmtree(self._part, ignore_errors=True)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+def _write_truth(path: Path, log: TruthLog, shape: tuple[int, ...]) -> None:
+    people = [one for there in log.people for one in there]
+    arrays: dict[str, Any] = {one.name: np.array([getattr(truth, one.name) for truth in people]) for one in _FIELDS}
+    np.savez_compressed(
+        path,
+        **arrays,
+        occluders=np.array([json.dumps(truth.occluders) for truth in people]),
+        times_s=np.array([truth.time_s for truth in log.truths]),
+        counts=np.array([len(there) for there in log.people]),
+        shape=np.array([len(log.people), *shape]),
+        frames_digest=np.array(log.frames_digest),
+        graphics=np.array(log.graphics),
+    )
 
 
 @cache

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -156,31 +156,39 @@ def recorded(sequence: RecordedSequence, rate_hz: float) -> Iterator[Sample]:
         yield Sample(index / rate_hz, image, box, float(np.isfinite(box[0])), caption=caption, detections=found)
 
 
-class Backwards:
-    """Sink that keeps the frames of a simulated episode in a temporary file in `folder`, to show the last one first."""
+def passing(samples: Iterable[Sample], sink: Sink) -> Iterator[Sample]:
+    """The same frames, each of them shown to a sink before it is passed on."""
+    for sample in samples:
+        sink(Step(sample, None, None))
+        yield sample
 
-    def __init__(self, folder: Path | None = None) -> None:
-        self._images = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - closed in __exit__
-        self._kept: list[tuple[Sample, tuple[Truth, ...]]] = []
-        self._shape: tuple[int, ...] = ()
 
-    def __call__(self, step: Step) -> None:
-        """Add a frame; raises RunError where the disk is full."""
-        frame, self._shape = step.sample.frame, step.sample.image.shape
-        assert frame is not None
-        try:
-            self._images.write(np.ascontiguousarray(frame.image).data)
-        except OSError as error:
-            raise RunError(f"frames that are shown backwards need space for all of them: {error.strerror}") from None
-        self._kept.append((replace(step.sample, image=np.empty((0, 0, 3), np.uint8), frame=None), tuple(frame.people)))
+def backwards(samples: Iterable[Sample], folder: Path | None = None) -> Iterator[Sample]:
+    """Frames of a simulation from the last one on, with their times and everybody's motion since the one shown before.
 
-    def samples(self) -> Iterator[Sample]:
-        """The frames from the last one on, with their times and everybody's motion since the one shown before."""
-        size, last_s = math.prod(self._shape), self._kept[-1][0].time_s
-        motion_px = {one.name: 0.0 for one in self._kept[-1][1]}
-        for index, (sample, seen) in enumerate(reversed(self._kept)):
-            self._images.seek((len(self._kept) - 1 - index) * size)
-            image = np.frombuffer(self._images.read(size), np.uint8).reshape(self._shape)
+    Until the last one is there they are kept in a temporary file in `folder`.
+
+    Raises:
+        RunError: There is no space for all of them.
+    """
+    kept: list[tuple[Sample, tuple[Truth, ...]]] = []
+    shape: tuple[int, ...] = ()
+    with tempfile.TemporaryFile(dir=folder) as images:
+        for sample in samples:
+            assert sample.frame is not None
+            shape = sample.image.shape
+            try:
+                images.write(np.ascontiguousarray(sample.image).data)
+            except OSError as error:
+                message = f"frames that are shown backwards need space for all of them: {error.strerror}"
+                raise RunError(message) from None
+            without_image = replace(sample, image=np.empty((0, 0, 3), np.uint8), frame=None)
+            kept.append((without_image, tuple(sample.frame.people)))
+        size, last_s = math.prod(shape), kept[-1][0].time_s
+        motion_px = {one.name: 0.0 for one in kept[-1][1]}
+        for index, (sample, seen) in enumerate(reversed(kept)):
+            images.seek((len(kept) - 1 - index) * size)
+            image = np.frombuffer(images.read(size), np.uint8).reshape(shape)
             time_s = last_s - sample.time_s
             people = tuple(
                 replace(one, time_s=time_s, image_motion_px=motion_px.get(one.name, math.nan)) for one in seen
@@ -188,12 +196,6 @@ class Backwards:
             motion_px = {one.name: one.image_motion_px for one in seen}
             frame = Frame(index, time_s, image, people[0], people)
             yield replace(sample, time_s=time_s, image=image, frame=frame)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._images.close()
 
 
 class Driver:

@@ -64,9 +64,14 @@ def nearest_look_alike(frame: Frame) -> float:
 
 
 class TruthLog:
-    """Truth of the target and of everybody in view, and a digest of the images of a simulated episode."""
+    """Truth of the target and of everybody in view, and a digest of the images of a simulated episode.
+
+    Attributes:
+        graphics: What drew the images, once it is known.
+    """
 
     def __init__(self) -> None:
+        self.graphics = ""
         self.truths: list[Truth] = []
         self.people: list[Sequence[Truth]] = []
         self.nearest_look_alike: list[float] = []
