@@ -60,7 +60,6 @@ def export(
     """
     from pftrack_sim.benchmark import parse_seeds, plan_all
     from pftrack_sim.benchmark.datasets.export import export as export_plan
-    from pftrack_sim.benchmark.datasets.export import sequence_count
 
     plan = plan_all(
         scenarios,
@@ -71,7 +70,7 @@ def export(
     )
     kinds = parse_names(maps) if maps is not None else []
     chosen = workers if workers is not None else cores()
-    with progress_bar("writing sequences", sequence_count(plan)) as tick:
+    with progress_bar("writing sequences", plan.episode_count) as tick:
         export_plan(
             plan,
             out,

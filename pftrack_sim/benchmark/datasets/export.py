@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, cast
 
 import pftrack_sim
 from pftrack_sim.benchmark import keys
@@ -73,7 +73,9 @@ def export(
     if layout not in LAYOUTS:
         raise UnknownNameError("layout", layout, LAYOUTS)
     kinds = check_maps(maps)
-    form = _image_format(image or ("jpg" if LAYOUTS[layout].jpeg else "png"))
+    form = cast("ImageFormat", image or ("jpg" if LAYOUTS[layout].jpeg else "png"))
+    if form not in _IMAGES:
+        raise UnknownNameError("image format", form, _IMAGES)
     usual, allowed = QUALITIES.get(form, (0, range(1)))
     chosen = usual if quality is None else quality
     if chosen not in allowed:
@@ -119,13 +121,6 @@ def _check_effects(plan: Plan, needs: Sequence[str]) -> None:
             what = "3D boxes" if exact == ["solids"] else " and ".join(one for one in exact if one != "solids")
             words = f"no {what} under blur, rolling_shutter or distortion: set their severities to 0, or leave it out"
             raise ScenarioError(episode.scenario.name, [words])
-
-
-def _image_format(name: str) -> ImageFormat:
-    for known in get_args(ImageFormat):
-        if name == known:
-            return known
-    raise UnknownNameError("image format", name, get_args(ImageFormat))
 
 
 def _check_sizes(plan: Plan) -> None:
@@ -191,8 +186,3 @@ def _run_all(jobs: Iterator[ExportJob], workers: int) -> Iterator[None]:
             yield from pool.map(export_sequence, jobs)
     except BrokenExecutor:
         raise RunError("a process ended while it wrote a sequence; the same command goes on") from None
-
-
-def sequence_count(plan: Plan) -> int:
-    """Number of sequences of a plan."""
-    return sum(sweep.episode_count for sweep in plan.sweeps)

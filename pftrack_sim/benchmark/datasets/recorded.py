@@ -14,7 +14,7 @@ from pftrack_sim import score
 from pftrack_sim.benchmark.asked.from_names import check_run_axis
 from pftrack_sim.benchmark.asked.plan import BOX_NOISE, START, TrackerSpec
 from pftrack_sim.benchmark.running.rollout import Sink, recorded, rollout
-from pftrack_sim.benchmark.running.sinks import error_text, picture, video_writer
+from pftrack_sim.benchmark.running.sinks import error_text, latest, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, check_trackers, make_runners
 from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import ParameterError, RunError, TrackerError
@@ -149,7 +149,7 @@ def _run(
             opened.callback(runner.close)
         if video is not None:
             add = opened.enter_context(video_writer(video, rate_of(sequence)))
-            sinks.append(lambda step: add(picture(step.sample, arms[0]), step.sample.time_s))
+            sinks.append(lambda step: add(picture(step.sample, latest(arms[0])), step.sample.time_s))
         rollout(recorded(sequence, rate_of(sequence)), runners, sinks)
 
 

@@ -31,12 +31,19 @@ from pftrack_sim.benchmark.running.rollout import (
     rollout,
     simulated,
 )
-from pftrack_sim.benchmark.running.sinks import ErrorLog, FollowLog, TruthLog, episode_log, picture, video_writer
-from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, make_runners
+from pftrack_sim.benchmark.running.sinks import (
+    ErrorLog,
+    FollowLog,
+    TruthLog,
+    episode_log,
+    latest,
+    picture,
+    video_writer,
+)
+from pftrack_sim.benchmark.running.tracker_runner import Isolation, make_runners
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.env import TrackAndFollowEnv
 from pftrack_sim.logs import FORMATS
-from pftrack_sim.scenario import ResolvedScenario
 from pftrack_sim.scene.robot import fitted_settings
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
@@ -133,7 +140,7 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
         with ExitStack() as open_files:
             if job.video:
                 add = open_files.enter_context(video_writer(video, settings.camera.rate_hz))
-                sinks.append(lambda step: add(picture(step.sample, runners, job.labels), step.sample.time_s))
+                sinks.append(lambda step: add(picture(step.sample, latest(runners), job.labels), step.sample.time_s))
             logs = {name: folder / f"episode{FORMATS[name].suffix}" for name in job.logs}
             sinks += [
                 open_files.enter_context(episode_log(one, episode.name, settings, runners)) for one in logs.values()
@@ -143,7 +150,12 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
                 images = job.backend != WITHOUT_IMAGES
                 made = TrackAndFollowEnv(episode.scenario, backend=job.backend if images else None, image=images)
                 env = stack.enter_context(contextlib.closing(made))
-                drive(env, episode.seed, _driver(runners[0], settings, episode.latency_ms), [*sinks, course])
+                (runner,) = runners
+                assert runner.spec.controller is not None
+                controller = controllers.make(runner.spec.controller)
+                robot = policies.robot_parameters(settings, episode.latency_ms)
+                driver = Driver(runner, controller, robot, episode.latency_ms, settings.camera.rate_hz)
+                drive(env, episode.seed, driver, [*sinks, course])
                 following = course.scores(settings, env.simulation.frame_count)
                 drawn.graphics = env.simulation.graphics
             else:
@@ -194,10 +206,3 @@ def _drawn(job: EpisodeJob, log: TruthLog) -> Generator[Iterable[Sample]]:
             samples = passing(samples, opened.enter_context(cache.writer(entry, log)))
         yield samples
         log.graphics = simulation.graphics
-
-
-def _driver(runner: TrackerRunner, settings: ResolvedScenario, latency_ms: float) -> Driver:
-    assert runner.spec.controller is not None
-    controller = controllers.make(runner.spec.controller)
-    robot = policies.robot_parameters(settings, latency_ms)
-    return Driver(runner, controller, robot, latency_ms, settings.camera.rate_hz)

@@ -14,14 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from pftrack_sim import trackers
 from pftrack_sim.benchmark.asked.plan import Episode
 from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
 from pftrack_sim.benchmark.running.rollout import Action, Sample, Sink, Step, backwards, drive, rollout, simulated
-from pftrack_sim.benchmark.running.sinks import ErrorLog, TruthLog, episode_log, picture, video_writer
+from pftrack_sim.benchmark.running.sinks import ErrorLog, TruthLog, episode_log, latest, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.core.image_files import encode
@@ -90,7 +89,7 @@ def save_episode(
 
 
 def _drawn(sample: Sample, truth: bool, runners: Sequence[TrackerRunner]) -> Image:
-    return picture(sample, runners) if truth or runners else sample.image
+    return picture(sample, latest(runners)) if truth or runners else sample.image
 
 
 def worst(results: Sequence[Result], count: int, *, tracker: str | None = None, lost: bool = False) -> list[Result]:
@@ -162,24 +161,22 @@ def draw_again(episode: Episode, sinks: Sequence[Sink], backend: str | None = No
 def _film(store: RunStore, episode: Episode, video: Path, backend: str | None) -> None:
     shown = [one for one in store.results if one.values["number"] == episode.number]
     tables = [store.frame_columns(one, (*_COLUMNS, *(_COMMAND if episode.kind == "follow" else ()))) for one in shown]
-    stored = [_estimates(episode, columns) for columns in tables]
-    runners = [TrackerRunner(one.tracker, trackers.make("stay")) for one in shown]  # never called: all is stored
-    log, labels = TruthLog(), store.plan.labels
-
-    def record(step: Step) -> None:
-        for runner, estimates in zip(runners, stored, strict=True):
-            runner.record(next(estimates), "ok")
-
+    stored = {one.label: _estimates(episode, columns) for one, columns in zip(shown, tables, strict=True)}
+    log = TruthLog()
     rate_hz = episode.scenario.resolve(episode.seed).camera.rate_hz
     with contextlib.ExitStack() as opened:
         add = opened.enter_context(video_writer(video, rate_hz))
-        sinks: list[Sink] = [log, record, lambda step: add(picture(step.sample, runners, labels), step.sample.time_s)]
+
+        def draw(step: Step) -> None:
+            estimates = {label: next(own) for label, own in stored.items()}
+            add(picture(step.sample, estimates, store.plan.labels), step.sample.time_s)
+
         if episode.kind == "follow":
             env = opened.enter_context(contextlib.closing(TrackAndFollowEnv(episode.scenario, backend=backend)))
             commands = _commands(episode, tables[0])
-            drive(env, episode.seed, lambda sample: next(commands), sinks)
+            drive(env, episode.seed, lambda sample: next(commands), [log, draw])
         else:
-            draw_again(episode, sinks, backend)
+            draw_again(episode, [log, draw], backend)
         if log.frames_digest != shown[0].values["frames_digest"]:
             raise _other_frames(episode)
 

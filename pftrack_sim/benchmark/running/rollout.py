@@ -87,18 +87,13 @@ def rollout(samples: Iterable[Sample], runners: Sequence[TrackerRunner], sinks: 
 
 def drive(env: TrackAndFollowEnv, seed: int, act: Callable[[Sample], Action], sinks: Sequence[Sink] = ()) -> None:
     """Let `act`, which calls a tracker itself, answer each frame until the environment ends the episode."""
-
-    def posed(info: Mapping[str, Any]) -> dict[str, Any]:
-        world = env.simulation.world
-        return {**info, "robot_pose": world.robot_pose(), "robot": world.robot.drive}
-
     observation, given = env.reset(seed=seed)
-    info = posed(given)
+    info = {**given, **_robot(env.simulation)}
     while info.get("outcome") is None:
         sample = _sample(env.simulation.frame, observation=observation, info=info)
         action = act(sample)
         observation, _, _, _, given = env.step(dict(action))
-        info = posed(given)
+        info = {**given, **_robot(env.simulation)}
         for sink in sinks:
             sink(Step(sample, action, info))
 
@@ -114,9 +109,7 @@ def simulated(
     def sample(frame: Frame) -> Sample:
         if not sensors:
             return _sample(frame)
-        world = simulation.world
-        info = {"robot_pose": world.robot_pose(), "robot": world.robot.drive}
-        return _sample(frame, observation={"proprio": world.proprio()}, info=info)
+        return _sample(frame, observation={"proprio": simulation.world.proprio()}, info=_robot(simulation))
 
     frame = simulation.reset(seed)
     yield sample(frame)
@@ -124,6 +117,10 @@ def simulated(
     while frame.index + 1 < simulation.frame_count and frame.time_s < last_s:
         frame = simulation.advance()
         yield sample(frame)
+
+
+def _robot(simulation: Simulation) -> dict[str, Any]:
+    return {"robot_pose": simulation.world.robot_pose(), "robot": simulation.world.robot.drive}
 
 
 def _sample(frame: Frame, **more: Any) -> Sample:
@@ -201,7 +198,8 @@ def backwards(samples: Iterable[Sample], folder: Path | None = None) -> Iterator
 class Driver:
     """A tracker and a controller that drive the robot, with the tracker's latency on the frames' time.
 
-    Errors of the tracker and of the controller are recorded in the runner; from there on the robot stands still.
+    It is itself the tracker of the policy, which calls it only for the frames that the tracker takes. Errors of the
+    tracker and of the controller are recorded in the runner; from there on the robot stands still.
 
     Args:
         robot: What the controller may know of the robot.
@@ -211,14 +209,18 @@ class Driver:
     def __init__(
         self, runner: TrackerRunner, controller: Controller, robot: RobotParameters, latency_ms: float, rate_hz: float
     ) -> None:
+        self.tracks: TrackedBoxes | None = None
         self._runner = runner
-        self._adapter = _RunnerAdapter(runner)
-        policy = policies.TrackAndFollowPolicy(self._adapter, controller, robot)
+        self._true_box: Box = np.zeros(4)
+        self._visible_fraction = 1.0
+        self._detections: Detections | None = None
+        self._took_it = False
+        policy = policies.TrackAndFollowPolicy(self, controller, robot)
         self._policy = policies.LatencyWrapper(policy, latency_ms, rate_hz)
 
     def __call__(self, sample: Sample) -> Action:
         """Return the action for a frame, and record the estimate that counts for it."""
-        runner, self._adapter.called = self._runner, False
+        runner, self._took_it = self._runner, False
         if runner.error is not None:
             runner.record(None, "error")
             return NO_ACTION
@@ -232,34 +234,26 @@ class Driver:
         except Exception as error:  # noqa: BLE001 - a third-party controller may raise anything
             runner.fail(fault_of(error))
             return NO_ACTION
-        if self._adapter.called:
+        if self._took_it:
             runner.record(self._policy.estimate, "ok" if started else "init", runner.took_ms)
         else:
             runner.record(self._policy.estimate if started else None, "busy" if started else "waiting")
         return action
 
-
-class _RunnerAdapter:
-    """A tracker runner as the tracker of a policy, which calls it only for the frames that it takes."""
-
-    def __init__(self, runner: TrackerRunner) -> None:
-        self._runner = runner
-        self._true_box: Box = np.zeros(4)
-        self._visible_fraction = 1.0
-        self._detections: Detections | None = None
-        self.tracks: TrackedBoxes | None = None
-        self.called = False
-
     def receive_truth(self, box: ArrayLike, visible_fraction: float) -> None:
+        """See `trackers.NeedsTruth`."""
         self._true_box, self._visible_fraction = np.asarray(box, dtype=np.float64), visible_fraction
 
     def receive_detections(self, detections: Detections) -> None:
+        """See `trackers.NeedsDetections`."""
         self._detections = detections
 
     def init(self, image: Image, box: ArrayLike) -> None:
+        """See `Tracker`."""
         self._true_box = np.asarray(box, dtype=np.float64)
         self.update(image)
 
     def update(self, image: Image) -> Estimate:
-        self.called = True
+        """See `Tracker`."""
+        self._took_it = True
         return self._runner.call(image, self._true_box, self._visible_fraction, self._detections)

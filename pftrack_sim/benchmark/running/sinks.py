@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import math
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.proprioception import PROPRIO_NAMES, RANGES
-from pftrack_sim.core.records import Frame, Image, Truth
+from pftrack_sim.core.records import Estimate, Frame, Image, Truth
 from pftrack_sim.core.text import one_line
 from pftrack_sim.logs import LogFrame, LogInfo, log_format, log_writer
 from pftrack_sim.render.overlay import draw_frame, draw_recorded
@@ -33,20 +33,21 @@ _TIME_BASE = Fraction(1, 90_000)
 """Unit of time stamps in videos [s]: the one of MPEG."""
 
 
-def picture(
-    sample: Sample, runners: Sequence[TrackerRunner], labels: Sequence[str] = (), *, last: bool = False
-) -> Image:
-    """A frame with its truth and the trackers' latest estimates, `(H, W, 3)` uint8 RGB.
+def picture(sample: Sample, estimates: Mapping[str, Estimate | None], labels: Sequence[str] = ()) -> Image:
+    """A frame with its truth and estimates by the trackers' labels, `(H, W, 3)` uint8 RGB.
 
-    The `labels` of all trackers of the run, by default of these, give each its colour and marker; `last` draws the last
-    estimate where a tracker has none in this frame.
+    The `labels` of all trackers of the run, by default of these, give each its colour and marker.
     """
-    styles = styles_of(labels or [runner.spec.label for runner in runners])
-    latest = {runner.spec.label: runner.last_estimate if last else runner.estimates[-1] for runner in runners}
-    estimates = {label: estimate for label, estimate in latest.items() if estimate is not None}
+    styles = styles_of(labels or list(estimates))
+    known = {label: estimate for label, estimate in estimates.items() if estimate is not None}
     if sample.frame is not None:
-        return draw_frame(sample.frame, estimates, styles)
-    return draw_recorded(sample.image, sample.true_box, estimates, caption=sample.caption, styles=styles)
+        return draw_frame(sample.frame, known, styles)
+    return draw_recorded(sample.image, sample.true_box, known, caption=sample.caption, styles=styles)
+
+
+def latest(runners: Sequence[TrackerRunner]) -> dict[str, Estimate | None]:
+    """The trackers' estimates in the present frame, by label."""
+    return {runner.spec.label: runner.estimates[-1] for runner in runners}
 
 
 def nearest_look_alike(frame: Frame) -> float:
@@ -240,7 +241,7 @@ def episode_log(path: Path, name: str, settings: ResolvedScenario, runners: Sequ
                     sample.info["robot_pose"],
                     np.asarray(sample.observation["proprio"], dtype=np.float64),
                     sample.info["robot"],
-                    {runner.spec.label: runner.estimates[-1] for runner in runners},
+                    latest(runners),
                     {runner.spec.label: runner.ms[-1] for runner in runners},
                     None if step.info is None else np.asarray(step.info["command"], dtype=np.float64),
                 )
@@ -262,7 +263,8 @@ class ErrorLog:
         for runner in self._runners:
             label = runner.spec.label
             if runner.error is not None and label not in self._pictures:
-                drawn = picture(step.sample, [runner], self._labels, last=True)
+                last = next((one for one in reversed(runner.estimates) if one is not None), None)
+                drawn = picture(step.sample, {label: last}, self._labels)
                 self._pictures[label] = encode(drawn, ".png")
 
     def files(self, stems: Iterable[str]) -> dict[str, bytes]:

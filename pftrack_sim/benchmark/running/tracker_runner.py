@@ -166,11 +166,6 @@ class TrackerRunner:
         return float(np.median(self.reported_ms)) if self.reported_ms else math.nan
 
     @property
-    def last_estimate(self) -> Estimate | None:
-        """The latest one; None without any."""
-        return next((one for one in reversed(self.estimates) if one is not None), None)
-
-    @property
     def printed(self) -> str | None:
         """Beginning of what the tracker printed, if it runs in a process of its own."""
         return self.tracker.printed if isinstance(self.tracker, IsolatedTracker) else None
