@@ -15,7 +15,7 @@ from pftrack_sim.benchmark.kept.files import atomic_write, csv_text, sql_text, w
 from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
 from pftrack_sim.benchmark.kept.tables import CHUNK, OPENED, column, read_metadata
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.score import Measures, bounds_of, mean_over_seeds
+from pftrack_sim.score import Measures, SeedMean, bounds_of, mean_over_seeds, paired_difference
 from pftrack_sim.score.following import Following
 
 SCORES = ("hota", "deta", "assa", "idf1", "mota", "switches")
@@ -137,6 +137,12 @@ def by_seed(values: Iterable[tuple[int, float]]) -> dict[int, float]:
         if not math.isnan(value):
             known.setdefault(seed, []).append(value)
     return {seed: sum(own) / len(own) for seed, own in known.items()}
+
+
+def paired_by_seed(first: Mapping[int, float], second: Mapping[int, float]) -> SeedMean:
+    """Mean difference first - second of scores in [0, 1] by seed, over the seeds that both have."""
+    seeds = sorted(first.keys() & second.keys())
+    return paired_difference([first[seed] for seed in seeds], [second[seed] for seed in seeds], (0.0, 1.0))
 
 
 def results_of(database: duckdb.DuckDBPyConnection, plan: Plan) -> Iterator[Result]:

@@ -12,7 +12,7 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark.asked.from_names import seeds_text
 from pftrack_sim.benchmark.reading.store import RunStore
-from pftrack_sim.benchmark.reading.summary import by_seed
+from pftrack_sim.benchmark.reading.summary import by_seed, paired_by_seed
 from pftrack_sim.benchmark.reference.submission import (
     LUMINANCE,
     Cell,
@@ -168,11 +168,8 @@ def _paired(label: str, mine: Sequence[Row], known: Sequence[Submission]) -> lis
         ours, other = (
             by_seed((pair[place]["seed"], _number(pair[place], "mean_overlap")) for pair in whole) for place in (0, 1)
         )
-        seeds = sorted(ours.keys() & other.keys())
         redrawn = [pair for pair in same.values() if pair[0]["frames_digest"] != pair[1]["frames_digest"]]
-        difference = score.paired_difference(
-            [ours[seed] for seed in seeds], [other[seed] for seed in seeds], score.bounds_of("mean_overlap")
-        )
+        difference = paired_by_seed(ours, other)
         counts = len(whole), len(theirs) - len(same), len(redrawn)
         found.append(PairedPlace(label, one.label, difference, *counts, _mean(map(_luminance, redrawn))))
     differences = score.corrected([one.difference for one in found])

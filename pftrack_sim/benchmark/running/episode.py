@@ -51,6 +51,10 @@ from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 WITHOUT_IMAGES = "none"
 """The renderer of runs without images."""
 
+MAX_DEATHS = 3
+"""An episode whose worker dies this often is given up. The last time, each of its trackers has a process of its own, so
+that one that ends its process is named and the others go on."""
+
 # OpenGL contexts belong to threads: a process renders one episode at a time, however many threads a cluster gives it.
 _render_lock = threading.Lock()
 
@@ -65,7 +69,7 @@ class EpisodeJob:
         backend: Renderer, by name; `WITHOUT_IMAGES` for an episode without images.
         cache: Where frames of open loops are kept, on the worker's machine; None: nowhere.
         scratch: Folder for temporary files, if the worker has it.
-        apart: Whether each tracker runs in a process of its own: one of them may have ended the process of a worker.
+        deaths: How often a worker has died of it.
     """
 
     episode: Episode
@@ -75,7 +79,7 @@ class EpisodeJob:
     limits: Limits = field(default_factory=Limits)
     logs: tuple[str, ...] = ()
     scratch: Path | None = None
-    apart: bool = False
+    deaths: int = 0
     labels: tuple[str, ...] = ()
     cache: FrameCache | None = None
 
@@ -123,7 +127,7 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
             seed=episode.seed,
             isolation=job.isolation,
             limits=job.limits,
-            apart=job.apart,
+            apart=job.deaths == MAX_DEATHS - 1,
             processes=processes,
             box_noise=episode.box_noise,
             first_frame=episode.first_frame,

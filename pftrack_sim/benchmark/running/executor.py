@@ -12,7 +12,7 @@ import signal
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, replace
@@ -23,15 +23,10 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from pftrack_sim.benchmark.running.episode import EpisodeFiles, EpisodeJob, run_episode
+from pftrack_sim.benchmark.running.episode import MAX_DEATHS, EpisodeFiles, EpisodeJob, run_episode
 from pftrack_sim.core.compiled import compile_in_silence
 from pftrack_sim.core.errors import RunError, ScenarioError
 from pftrack_sim.trackers.isolation import TrackerProcesses
-
-MAX_DEATHS = 3
-"""An episode whose worker dies this often is given up. The last time, each of its trackers has a process of its own, so
-that one that ends its process is named and the others go on."""
-
 
 _PROGRESS_PERIOD_S = 0.2
 _CONNECT_S = 30
@@ -102,7 +97,6 @@ class LocalExecutor(Executor):
     def __init__(self, count: int) -> None:
         self._context = WorkerContext()
         self._frames: Any = self._context.RawArray("q", count)  # rendered by each worker, which alone writes its number
-        self._deaths: Counter[str] = Counter()
         self._pools = [self._start(index) for index in range(count)]
 
     def _start(self, index: int) -> ProcessPoolExecutor:
@@ -126,19 +120,13 @@ class LocalExecutor(Executor):
                 try:
                     yield _finish(job, future.result)
                 except BrokenExecutor:
-                    again = self._after_death(job)
                     self._restart(index)
-                    if again is not None:
+                    again = replace(job, deaths=job.deaths + 1)
+                    if again.deaths < MAX_DEATHS:
                         repeated.append(again)
                     else:
                         yield FinishedJob(job, None, f"{job.episode.name}: its worker died {MAX_DEATHS} times")
             yield None
-
-    def _after_death(self, job: EpisodeJob) -> EpisodeJob | None:
-        """The job that is run in place of one whose worker died; None to give it up."""
-        self._deaths[job.episode.path] += 1
-        deaths = self._deaths[job.episode.path]
-        return replace(job, apart=deaths == MAX_DEATHS - 1) if deaths < MAX_DEATHS else None
 
     def _submit(self, index: int, job: EpisodeJob) -> Future[EpisodeFiles]:
         try:

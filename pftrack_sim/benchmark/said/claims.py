@@ -16,7 +16,7 @@ import numpy as np
 from pftrack_sim import score
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.benchmark.asked.suite import Beats, Claim, Harder, KeepsPace, PaperTable, Reaches, Suite
-from pftrack_sim.benchmark.reading.summary import Result
+from pftrack_sim.benchmark.reading.summary import Result, paired_by_seed
 from pftrack_sim.score import SeedMean
 
 REFERENCES = ("stay", "fixed_size")
@@ -75,11 +75,14 @@ def _differences(suite: Suite, claim: Claim, preset: str, means: _SeedMeans) -> 
         case Beats():
             own = scores(claim.tracker, claim.scenarios)
             return {
-                f"{claim.tracker} - {other}": _paired(own, scores(other, claim.scenarios)) for other in claim.others
+                f"{claim.tracker} - {other}": paired_by_seed(own, scores(other, claim.scenarios))
+                for other in claim.others
             }
         case Harder():
             return {
-                f"{tracker}: easier - harder": _paired(scores(tracker, claim.easier), scores(tracker, claim.harder))
+                f"{tracker}: easier - harder": paired_by_seed(
+                    scores(tracker, claim.easier), scores(tracker, claim.harder)
+                )
                 for tracker in claim.trackers
             }
         case Reaches():
@@ -94,11 +97,6 @@ def _differences(suite: Suite, claim: Claim, preset: str, means: _SeedMeans) -> 
                 )
                 for other in claim.others
             }
-
-
-def _paired(first: Mapping[int, float], second: Mapping[int, float]) -> SeedMean:
-    seeds = sorted(first.keys() & second.keys())
-    return score.paired_difference([first[seed] for seed in seeds], [second[seed] for seed in seeds], (0.0, 1.0))
 
 
 def _ratios(first: Mapping[int, float], second: Mapping[int, float]) -> dict[int, float]:
