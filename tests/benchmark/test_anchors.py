@@ -4,14 +4,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from pftrack_sim.benchmark import RunStore, TrackerSpec, make_plan, run
 from pftrack_sim.benchmark.running.filming import film
 from pftrack_sim.benchmark.running.frame_cache import FrameCache
 from pftrack_sim.benchmark.said.anchors import anchor_scores
 from pftrack_sim.cli.options import anchors
-from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.report.tables import anchors as anchor_table
 from tests.benchmark.small import SMALL, TRACKERS, contents
 
@@ -58,8 +56,3 @@ def test_a_run_backward_shows_the_same_frames_in_the_other_order(tmp_path: Path)
 def test_forward_starts_have_no_such_scores(tmp_path: Path):
     plan = make_plan(["corridor"], list(TRACKERS[1:]), [0], axes={"start": [0.0, 0.5]}, overrides=SMALL)
     assert anchor_scores(run(plan, tmp_path / "run", videos="none", workers=0)) is None
-
-
-def test_a_start_after_the_last_frame_is_refused():
-    with pytest.raises(ParameterError, match=r"in \[-1, 1\), got -1.5"):
-        make_plan(["corridor"], ["stay"], [0], axes={"start": [-1.5]}, overrides=SMALL)

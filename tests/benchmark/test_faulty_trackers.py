@@ -105,11 +105,6 @@ def test_an_isolated_tracker_gives_the_same_bits(alone: RunStore, tmp_path: Path
         assert str(here.sql(ROWS).fetchall()) == str(there.sql(ROWS).fetchall())
 
 
-def test_an_isolated_oracle_receives_the_truth(tmp_path: Path):
-    done = run(small_plan(range(1), ["oracle"]), tmp_path / "run", videos="none", isolation="always")
-    assert done.results[0].measures.mean_overlap == 1.0
-
-
 @pytest.mark.parametrize(
     ("name", "words"),
     [

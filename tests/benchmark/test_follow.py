@@ -10,7 +10,7 @@ import pytest
 from pftrack_sim.benchmark import Plan, RunStore, TrackerSpec, make_plan, plan_all, run
 from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.benchmark.running.latency import measure_ms, resolve_latencies
-from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGES
 from pftrack_sim.env import TrackAndFollowEnv
 from pftrack_sim.scenario import load
@@ -167,28 +167,6 @@ def test_a_tracker_that_fails_stops_the_robot(tmp_path: Path):
     assert failure.startswith("frame 2: ValueError: lost my way (faulty_trackers.py, line ")
     assert frames_there == 4
     assert not frames(failed.path, "command_forward, command_turn", "tests")[2:].any()
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"latency_ms": {"oracle": -1.0}},
-        {"axes": {"latency": [float("nan")]}},
-        {"controllers": ["still", "still"]},
-        {"controllers": [], "latency_ms": {"oracle": 7.0}},
-        {"controllers": [], "axes": {"latency": [7.0]}},
-    ],
-)
-def test_impossible_plans(wrong: dict[str, Any]):
-    with pytest.raises(ParameterError):
-        driving(**wrong)
-
-
-def test_unknown_names():
-    with pytest.raises(UnknownNameError, match="servo"):
-        driving(controllers=["sevro"])
-    with pytest.raises(UnknownNameError, match="oracle, stay"):
-        driving(latency_ms={"ko2012": 5.0})
 
 
 def test_defaults_of_closed_loop_plans():

@@ -1,6 +1,8 @@
 """A plan has every combination once, and safe file names."""
 
+import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pydantic import ValidationError
@@ -8,7 +10,7 @@ from pydantic import ValidationError
 from pftrack_sim.benchmark import Plan, TrackerSpec, join_plans, make_plan, parse_seeds
 from pftrack_sim.benchmark.asked.from_names import code_of
 from pftrack_sim.benchmark.keys import slug
-from pftrack_sim.core.errors import ParameterError, ScenarioError
+from pftrack_sim.core.errors import ParameterError, PftrackError, ScenarioError, UnknownNameError
 
 
 def test_every_combination_once():
@@ -80,21 +82,35 @@ def test_the_code_of_controllers_and_the_files_of_models_are_part_of_a_plan(
     assert [name for name in before if after[name] != before[name]] == ["driver_of_mine:make", str(model)]
 
 
-def test_wrong_levels_and_repetitions():
-    """Wrong names are tested on the command line."""
-    with pytest.raises(ScenarioError, match="severity"):
-        make_plan(["plaza-walk"], ["stay"], [0], axes={"jitter": [-1]})
-    with pytest.raises(ScenarioError, match=r"corridor occlusion=1.*\n.*its first event ends at 7 s"):
-        make_plan(["corridor"], ["stay"], [0], axes={"occlusion": [0, 1]}, overrides={"duration_s": 3.0})
-    with pytest.raises(ParameterError, match="given twice: stay"):
-        make_plan(["plaza-walk"], ["stay", "stay"], [0])
-    with pytest.raises(ParameterError, match="at least one seed"):
-        make_plan(["plaza-walk"], ["stay"], [])
-
-
-def test_a_seed_is_not_negative():
-    with pytest.raises(ParameterError, match=r"^plan: .*, got -1$"):
-        make_plan(["plaza-walk"], ["stay"], [-1])
+@pytest.mark.parametrize(
+    ("wrong", "error", "words"),
+    [
+        ({"trackers": ["stay", "stay"]}, ParameterError, "given twice: stay"),
+        ({"seeds": []}, ParameterError, "at least one seed"),
+        ({"seeds": [-1]}, ParameterError, r"^plan: .*, got -1$"),
+        ({"axes": {"jitter": [-1]}}, ScenarioError, "severity"),
+        (
+            {"axes": {"occlusion": [0, 1]}, "overrides": {"duration_s": 3.0}},
+            ScenarioError,
+            r"corridor occlusion=1.*\n.*its first event ends at 7 s",
+        ),
+        ({"axes": {"box_noise": [0.6]}}, ParameterError, r"a share of the sides in \[0, 0.5\], got 0.6"),
+        ({"axes": {"start": [1.0]}}, ParameterError, r"a share of the episode in \[-1, 1\), got 1"),
+        ({"axes": {"start": [-1.5]}}, ParameterError, r"a share of the episode in \[-1, 1\), got -1.5"),
+        ({"axes": {"start": [0.5]}, "controllers": ["servo"]}, ParameterError, "only in open loop"),
+        ({"axes": {"latency": [5.0]}}, ParameterError, "latency is charged only where the tracker drives"),
+        ({"latency_ms": {"stay": 7.0}}, ParameterError, "latency is charged only where the tracker drives"),
+        ({"latency_ms": {"stay": -1.0}, "controllers": ["servo"]}, ParameterError, "0 ms or more, got -1.0"),
+        ({"axes": {"latency": [math.nan]}, "controllers": ["servo"]}, ParameterError, "0 ms or more, got nan"),
+        ({"latency_ms": {"ko2012": 5.0}, "controllers": ["servo"]}, UnknownNameError, "ko2012.*known: stay"),
+        ({"controllers": ["still", "still"]}, ParameterError, r"given twice: stay\+still"),
+        ({"controllers": ["sevro"]}, UnknownNameError, "did you mean 'servo'"),
+    ],
+)
+def test_impossible_plans_are_refused(wrong: dict[str, Any], error: type[PftrackError], words: str):
+    """Other wrong names are tested on the command line."""
+    with pytest.raises(error, match=words):
+        make_plan(**{"names": ["corridor"], "trackers": ["stay"], "seeds": [0], **wrong})
 
 
 @pytest.mark.parametrize("text", ["", "a", "3:3", "5:2", "1,,2", "-1", "1:2:3"])

@@ -13,7 +13,7 @@ from pftrack_sim.benchmark import Plan, make_plan, plan_all, run
 from pftrack_sim.benchmark.running.frame_cache import FrameCache
 from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core import boxes
-from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
+from pftrack_sim.core.errors import RunError, UnknownNameError
 
 SMALL: dict[str, Any] = {
     "camera.width_px": 96,
@@ -116,21 +116,3 @@ def test_first_boxes_and_starts_are_axes_of_the_run_on_the_same_frames(tmp_path:
         "WHERE condition = 'box_noise=0,start=0.5' AND label = 'stay' AND seed = 1"
     ).rows
     assert rows == [(8, 4, 4)]
-
-
-@pytest.mark.parametrize(
-    ("axes", "words"),
-    [
-        ({"box_noise": [0.6]}, r"box noise must be a share of the sides in \[0, 0.5\], got 0.6"),
-        ({"start": [1.0]}, r"a start must be a share of the episode in \[-1, 1\), got 1"),
-        ({"latency": [5.0]}, "latency is charged only where the tracker drives"),
-    ],
-)
-def test_axes_of_the_run_have_limits(axes: dict[str, list[float]], words: str):
-    with pytest.raises(ParameterError, match=words):
-        make_plan(["corridor"], ["stay"], [0], axes=axes)
-
-
-def test_where_trackers_drive_they_start_at_once():
-    with pytest.raises(ParameterError, match="only in open loop"):
-        make_plan(["corridor"], ["oracle"], [0], axes={"start": [0.0, 0.5]}, controllers=["servo"])

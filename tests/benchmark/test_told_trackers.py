@@ -52,7 +52,7 @@ def test_a_tracker_of_ones_own_is_told_the_truth_where_it_is_allowed(tmp_path: P
     finished = run(plan, tmp_path / "run", isolation=isolation, videos="none", workers=0)
     told, oracle = finished.results
     assert (told.label, oracle.label) == (f"{NAME} (truth)", "oracle")
-    assert told.number("mean_overlap") == oracle.number("mean_overlap")
+    assert told.number("mean_overlap") == oracle.number("mean_overlap") == 1.0
     assert f"`{NAME} (truth)`" in tables(finished)
     with finished.database() as database:
         assert database.sql("SELECT DISTINCT label FROM summary ORDER BY 1").fetchall() == [
