@@ -52,7 +52,7 @@ def draw_strips(store: RunStore, figure: Any) -> None:
     ranked = _ranked(store)
     if store.plan.kind == "follow" or not ranked:
         raise ParameterError("strips show one episode to all trackers: of a run of bench in which the target is seen")
-    episode = store.plan.episode(int(ranked[len(ranked) // 2].values["number"]))
+    episode = store.episode_of(ranked[len(ranked) // 2])
     own = [one for one in store.results if one.values["number"] == episode.number]
     first = episode.first_frame
     wanted = [first + index for index in _spread(int(own[0].values["episode_frames"]) - first)]

@@ -11,25 +11,13 @@ import time
 from pathlib import Path
 
 from pftrack_sim.benchmark.reading.check import check
-from tests.benchmark.small import SMALL, contents
+from tests.benchmark.small import SMALL, contents, settings
 
 
 def command(out: Path, episodes: int) -> list[str]:
-    settings = [word for key, value in SMALL.items() for word in ("--set", f"{key}={str(value).lower()}")]
     code = "import sys; from pftrack_sim.cli import main; sys.argv[0] = 'pftrack-sim'; main()"
-    words = [
-        "bench",
-        "corridor",
-        "--trackers",
-        "oracle,ko2012",
-        "--seeds",
-        f"0:{episodes}",
-        "--videos",
-        "none",
-        "--isolation",
-        "always",
-    ]
-    return [sys.executable, "-c", code, *words, "--workers", "2", "--progress", "quiet", "--out", str(out), *settings]
+    words = f"bench corridor --trackers oracle,ko2012 --seeds 0:{episodes} --videos none --isolation always --workers 2"
+    return [sys.executable, "-c", code, *words.split(), "--progress", "quiet", "--out", str(out), *settings(SMALL)]
 
 
 def survive(folder: Path, *, kills: int, episodes: int, seed: int) -> None:

@@ -18,6 +18,11 @@ SMALL: dict[str, Any] = {
 TRACKERS = ("ko2012[particle_count=10]", "stay")
 
 
+def settings(changes: dict[str, Any]) -> list[str]:
+    """The same on the command line."""
+    return [word for key, value in changes.items() for word in ("--set", f"{key}={str(value).lower()}")]
+
+
 def small_plan(seeds: range, trackers: list[Any] | None = None, **overrides: Any) -> Plan:
     return make_plan(["corridor"], trackers or ["oracle", "stay"], list(seeds), overrides={**SMALL, **overrides})
 

@@ -9,7 +9,7 @@ import pytest
 from pftrack_sim.benchmark import RunStore, run
 from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.benchmark.reading.merge import merge
-from tests.benchmark.small import SMALL, small_plan
+from tests.benchmark.small import SMALL, settings, small_plan
 from tests.cli.test_cli import pftrack_sim
 
 RAISES = "tests.trackers.kept_trackers:raises"
@@ -55,12 +55,11 @@ def test_a_run_that_stopped_at_an_error_goes_on_and_errors_are_part_of_it(stoppe
 
 @pytest.mark.slow
 def test_the_command_line_prints_the_traceback_and_exits_with_1(tmp_path: Path):
-    settings = [word for key, value in SMALL.items() for word in ("--set", f"{key}={str(value).lower()}")]
     for words in (
         ["bench", "corridor", "--seeds", "0:1", "--videos", "none", "--workers", "0", "--out", str(tmp_path / "run")],
         ["render", "corridor", "--video", str(tmp_path / "look.mp4")],
     ):
-        done = pftrack_sim(*words, "--trackers", RAISES, *settings)
+        done = pftrack_sim(*words, "--trackers", RAISES, *settings(SMALL))
         assert done.returncode == 1
         assert "ValueError: lost my way (kept_trackers.py, line" in done.stdout
         assert 'raise ValueError("lost my way")' in done.stdout

@@ -21,7 +21,7 @@ from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core.code_digest import MAX_CODE_BYTES
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.scenario import load
-from tests.benchmark.small import SMALL, contents
+from tests.benchmark.small import SMALL, contents, settings
 from tests.trackers.test_sandbox import sandbox_works
 
 STILL = "tests.benchmark.faulty_trackers:good"
@@ -327,10 +327,9 @@ def test_an_edited_default_of_an_axis_in_the_package_is_said(tmp_path: Path):
     source = axes.read_text()
     assert source.count("gain: Positive = setting(7.5") == 1
     axes.write_text(source.replace("setting(7.5", "setting(30.0"))
-    settings = [word for key, value in SMALL.items() for word in ("--set", f"{key}={str(value).lower()}")]
     words = ["bench", "corridor", "--trackers", "stay", "--seeds", "0:2", "--axis", "noise=1", "--out", str(out)]
     done = subprocess.run(
-        [sys.executable, "-m", "pftrack_sim", *words, "--workers", "0", *settings],
+        [sys.executable, "-m", "pftrack_sim", *words, "--workers", "0", *settings(SMALL)],
         env={**os.environ, "PYTHONPATH": str(package.parent)},
         cwd=tmp_path,
         capture_output=True,

@@ -167,10 +167,7 @@ def test_the_nearest_look_alike_is_measured_in_sizes_of_the_target():
 
     target, other = person("target", (100.0, 50.0, 25.0, 100.0)), person("distractor-1", (150.0, 50.0, 25.0, 100.0))
     hidden = person("distractor-2", (100.0, 50.0, 25.0, 100.0), scored=False)
-    frame: Any = SimpleNamespace(truth=target, people=(target, other, hidden))
-    assert nearest_look_alike(frame) == pytest.approx(1.0)
+    assert nearest_look_alike(target, (target, other, hidden)) == pytest.approx(1.0)
     far = person("distractor-3", (100.0, 60.0, 12.0, 45.0))
-    alone: Any = SimpleNamespace(truth=target, people=(target, hidden, far))
-    assert nearest_look_alike(alone) == np.inf
-    gone: Any = SimpleNamespace(truth=person("target", (np.nan,) * 4), people=(other,))
-    assert np.isnan(nearest_look_alike(gone))
+    assert nearest_look_alike(target, (target, hidden, far)) == np.inf
+    assert np.isnan(nearest_look_alike(person("target", (np.nan,) * 4), (other,)))

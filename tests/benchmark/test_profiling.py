@@ -10,6 +10,7 @@ from pftrack_sim.cli.app import app
 from pftrack_sim.core.errors import PftrackError
 from pftrack_sim.formats import read_sequence
 from pftrack_sim.score.profile import NUMBERS
+from tests.benchmark.small import settings
 from tests.cli.test_cli import sequence
 
 SMALL = {"camera.width_px": 64, "camera.height_px": 48, "duration_s": 0.2, "lights.shadows": False}
@@ -27,10 +28,9 @@ def test_a_sequence_is_measured_from_its_annotation(moving):
 
 @pytest.mark.filterwarnings("error")
 def test_the_command_prints_and_plots(moving, tmp_path):
-    settings = [text for key, value in SMALL.items() for text in ("--set", f"{key}={str(value).lower()}")]
     out = tmp_path / "out"
     result = CliRunner().invoke(
-        app, ["profile", "plaza-walk", str(moving), "--seeds", "0", *settings, "--out", str(out)]
+        app, ["profile", "plaza-walk", str(moving), "--seeds", "0", *settings(SMALL), "--out", str(out)]
     )
     assert result.exit_code == 0, result.output
     written = json.loads((out / "profile.json").read_text())

@@ -72,7 +72,7 @@ def export_results(run: RunStore, out: Path, form: str, *, on_result: Callable[[
     written: list[Path] = []
     for result in run.results:
         table = run.frame_columns(result, _COLUMNS)
-        sequence, tracker = names[int(result.values["number"])], trackers[result.label]
+        sequence, tracker = names[run.episode_of(result).number], trackers[result.label]
         for name, text in result_files(chosen, tracker, sequence, _tracker_result(table)):
             write_bytes(out / name, text.encode())
             written.append(out / name)

@@ -15,6 +15,7 @@ What is missing, stale or foreign is set arithmetic on the keys that file names 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
@@ -59,7 +60,7 @@ class RunFolder:
         self.path = path
         self.record = read_record(path)
         self.checksums = Checksums(path)
-        self._lock: int | None = None
+        self._opened = contextlib.ExitStack()
         self._verified: set[str] = set()
         if self.checksums.complete:
             self.verify([RECORD])
@@ -78,36 +79,33 @@ class RunFolder:
             RunError: It holds something else, results of the same name with another key, or has another writer, or
                 cannot be written.
         """
-        lock: int | None = None
         try:
-            _check_usable(path)
-            path.mkdir(parents=True, exist_ok=True)
-            lock = lock_folder(path)
-            # Only under the lock is it certain what the folder holds: another process may have begun it just now.
-            _check_usable(path)
-            known = cls(path) if is_run(path) else None
-            record = Record(finished=None, sessions=(), plan=plan) if known is None else known.record
-            if known is not None:
-                wanted, stale = _wanted(known, plan, refresh, running)
-                for name in stale:
-                    (path / name).unlink(missing_ok=True)
-                if stale or wanted is not record.plan:
-                    record = record.model_copy(update={"finished": None, "plan": wanted})
-            # The record comes last: interrupted before it, the folder still asks to be refreshed.
-            Checksums(path).begin()
-            remove_parts(path)
-            shutil.rmtree(path / SCRATCH, ignore_errors=True)
-            (path / SCRATCH).mkdir(exist_ok=True)
-            write_record(path, record.model_copy(update={"sessions": (*record.sessions, session())}))
-            folder = cls(path)
-        except BaseException as error:
-            if lock is not None:
-                os.close(lock)
-            if isinstance(error, OSError):
-                raise RunError(f"cannot make the run folder {path}: {error.strerror}") from None
-            raise
-        folder._lock = lock
-        return folder
+            with contextlib.ExitStack() as opened:
+                _check_usable(path)
+                path.mkdir(parents=True, exist_ok=True)
+                opened.callback(os.close, lock_folder(path))
+                # Only under the lock is it certain what the folder holds: another process may have begun it just now.
+                _check_usable(path)
+                known = cls(path) if is_run(path) else None
+                record = Record(finished=None, sessions=(), plan=plan) if known is None else known.record
+                if known is not None:
+                    wanted, stale = _wanted(known, plan, refresh, running)
+                    for name in stale:
+                        (path / name).unlink(missing_ok=True)
+                    if stale or wanted is not record.plan:
+                        record = record.model_copy(update={"finished": None, "plan": wanted})
+                # The record comes last: interrupted before it, the folder still asks to be refreshed.
+                Checksums(path).begin()
+                remove_parts(path)
+                shutil.rmtree(path / SCRATCH, ignore_errors=True)
+                opened.callback(shutil.rmtree, path / SCRATCH, ignore_errors=True)
+                (path / SCRATCH).mkdir(exist_ok=True)
+                write_record(path, record.model_copy(update={"sessions": (*record.sessions, session())}))
+                folder = cls(path)
+                folder._opened = opened.pop_all()
+                return folder
+        except OSError as error:
+            raise RunError(f"cannot make the run folder {path}: {error.strerror}") from None
 
     @property
     def plan(self) -> Plan:
@@ -206,10 +204,7 @@ class RunFolder:
 
     def close(self) -> None:
         """Unlock the folder. Closing twice is fine."""
-        if self._lock is not None:
-            shutil.rmtree(self.path / SCRATCH, ignore_errors=True)
-            os.close(self._lock)
-            self._lock = None
+        self._opened.close()
 
     def __enter__(self) -> Self:
         return self

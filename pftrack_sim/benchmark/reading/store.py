@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any, cast
 
 import duckdb
 
+from pftrack_sim.benchmark.asked.plan import Episode
 from pftrack_sim.benchmark.kept.files import query_deadline, sql_text
 from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
 from pftrack_sim.benchmark.kept.record import now
@@ -60,8 +62,9 @@ class RunStore(RunFolder):
             self.note(finished=now())
         self.checksums.end()
 
-    def database(self) -> duckdb.DuckDBPyConnection:
-        """A database with views; the caller closes it.
+    @contextlib.contextmanager
+    def database(self) -> Generator[duckdb.DuckDBPyConnection]:
+        """A database with views, in the block.
 
         `frames` has a row per tracker and frame, `summary` per tracker and episode, `episodes` per episode, `losses`
         per loss of the target with what happened then, `moments` per tracker and frame with what happens there,
@@ -79,25 +82,22 @@ class RunStore(RunFolder):
             raise RunError(f"{file}: has no checksum, or its frames are missing; pftrack-sim check lists all problems")
         results, drawn = (dict.fromkeys(names) for names in zip(*(one.tables for one in present.values()), strict=True))
         self.verify((*results, *drawn))
-        database = duckdb.connect()
-        try:
-            if self.checksums.complete and self.finished and not missing and not self.checksums.changes([SUMMARY]):
-                database.execute(f"CREATE VIEW summary AS FROM {parquet([self.path / SUMMARY])}")
-            else:
-                load_summary(database, self, present.values())
-            tables = [parquet(self.path / name for name in names) for names in (results, drawn)]
-            for view in (_FRAMES, _PEOPLE, _EPISODES):
-                database.execute(view.format(results=tables[0], drawn=tables[1]))
-            create_loss_views(database)
-            if self.plan.kind == "follow":
-                database.execute(FAILURES)
-        except duckdb.Error as error:
-            database.close()
-            raise RunError(f"{self.path} cannot be read: {one_line(str(error))}") from None
-        except BaseException:
-            database.close()
-            raise
-        return database
+        tables = [parquet(self.path / name for name in names) for names in (results, drawn)]
+        whole = self.checksums.complete and self.finished and not missing and not self.checksums.changes([SUMMARY])
+        with duckdb.connect() as database:
+            try:
+                if whole:
+                    database.execute(f"CREATE VIEW summary AS FROM {parquet([self.path / SUMMARY])}")
+                else:
+                    load_summary(database, self, present.values())
+                for view in (_FRAMES, _PEOPLE, _EPISODES):
+                    database.execute(view.format(results=tables[0], drawn=tables[1]))
+                create_loss_views(database)
+                if self.plan.kind == "follow":
+                    database.execute(FAILURES)
+            except duckdb.Error as error:
+                raise RunError(f"{self.path} cannot be read: {one_line(str(error))}") from None
+            yield database
 
     def query(self, sql: str, *, limit_s: float | None = None, limit_gb: float | None = None) -> QueryResult:
         """Run a SELECT, DESCRIBE or SUMMARIZE over the views of `database`, or an EXPLAIN of one.
@@ -141,6 +141,10 @@ class RunStore(RunFolder):
         with self.database() as database:
             return tuple(results_of(database, self.plan))
 
+    def episode_of(self, result: Result) -> Episode:
+        """The episode of a result."""
+        return self.plan.episode(int(result.values["number"]))
+
     def frame_columns(self, result: Result, names: Sequence[str]) -> dict[str, Any]:
         """Columns of a result and of its frames, `(N,)` each, a row per frame.
 
@@ -151,7 +155,7 @@ class RunStore(RunFolder):
         file = Path(os.path.realpath(self.path / result.file))
         if not file.is_relative_to(os.path.realpath(self.path)) or not is_file(file):
             raise RunError(f"{self.path}: the summary names a file that is not in the run folder: {result.file!r}")
-        drawn = self.plan.episode(int(result.values["number"])).frames_table
+        drawn = self.episode_of(result).frames_table
         self.verify([result.file, drawn])
         try:
             with duckdb.connect() as database, query_deadline(database):
@@ -163,7 +167,7 @@ class RunStore(RunFolder):
 
     def video_of(self, result: Result) -> Path | None:
         """The video of a result's episode, if there is one."""
-        path = self.path / self.plan.episode(int(result.values["number"])).video
+        path = self.path / self.episode_of(result).video
         return path if is_file(path) else None
 
     def error_picture(self, result: Result) -> Path | None:

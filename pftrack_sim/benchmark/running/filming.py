@@ -142,8 +142,7 @@ def film(
         RenderError: No renderer works.
     """
     videos: list[Path] = []
-    for number in dict.fromkeys(int(one.values["number"]) for one in results):
-        episode = store.plan.episode(number)
+    for episode in {one.number: one for one in map(store.episode_of, results)}.values():
         videos.append(store.path / episode.video)
         if not videos[-1].is_file():
             _film(store, episode, videos[-1], backend)

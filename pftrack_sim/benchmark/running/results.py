@@ -24,7 +24,7 @@ from pftrack_sim.benchmark.kept.tables import (
     truth_columns,
 )
 from pftrack_sim.benchmark.reading.summary import SCORES
-from pftrack_sim.benchmark.running.sinks import TruthLog
+from pftrack_sim.benchmark.running.sinks import TruthLog, nearest_look_alike
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.records import Truth
 from pftrack_sim.core.types import FloatArray
@@ -66,7 +66,7 @@ def write_results(
     drawn = {
         **truth_columns(truths),
         "scored": scored,
-        "nearest_look_alike": np.array(log.nearest_look_alike),
+        "nearest_look_alike": np.array([nearest_look_alike(*one) for one in zip(truths, log.people, strict=True)]),
         **course,
     }
     people = people_columns(log.people)

@@ -187,10 +187,8 @@ def run(
             )
         store.write_summary()
         if videos != "none":
-            results = store.results
-            wanted = worst(results, worst_count) if worst_count else results
-            by_episode = {int(one.values["number"]): one for one in wanted}
-            chosen = [one for number, one in by_episode.items() if worst_count or filmed(plan.episode(number))]
+            every = [one for one in store.results if worst_count or filmed(store.episode_of(one))]
+            chosen = worst(every, worst_count) if worst_count else every
             if any(store.video_of(one) is None for one in chosen):
                 film(store, chosen, backend=backend)
                 store.write_summary()

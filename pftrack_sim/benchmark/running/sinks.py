@@ -22,7 +22,7 @@ from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.proprioception import PROPRIO_NAMES, RANGES
-from pftrack_sim.core.records import Estimate, Frame, Image, Truth
+from pftrack_sim.core.records import Estimate, Image, Truth
 from pftrack_sim.core.text import one_line
 from pftrack_sim.logs import LogFrame, LogInfo, log_format, log_writer
 from pftrack_sim.render.overlay import draw_frame, draw_recorded
@@ -50,15 +50,15 @@ def latest(runners: Sequence[TrackerRunner]) -> dict[str, Estimate | None]:
     return {runner.spec.label: runner.estimates[-1] for runner in runners}
 
 
-def nearest_look_alike(frame: Frame) -> float:
+def nearest_look_alike(truth: Truth, people: Sequence[Truth]) -> float:
     """Distance in the image to the nearest other visible person whose box is half to twice as high as the target's.
 
     Returns:
         Between the centres of the amodal boxes, in sizes of the target, sqrt(w h); infinite without such a person, NaN
         where the target has no box.
     """
-    x, y, width, height = frame.truth.amodal_box.tolist()
-    others = [one.amodal_box for one in frame.people if one.name != frame.truth.name and one.scored]
+    x, y, width, height = truth.amodal_box.tolist()
+    others = [one.amodal_box for one in people if one.name != truth.name and one.scored]
     gaps = [math.hypot(left + w / 2 - x - width / 2, top + h / 2 - y - height / 2)
             for left, top, w, h in others if 0.5 * height <= h <= 2.0 * height]  # fmt: skip
     return math.nan if math.isnan(x) else min(gaps, default=math.inf) / math.sqrt(width * height)
@@ -75,7 +75,6 @@ class TruthLog:
         self.graphics = ""
         self.truths: list[Truth] = []
         self.people: list[Sequence[Truth]] = []
-        self.nearest_look_alike: list[float] = []
         self._images = hashlib.blake2b(digest_size=16)
 
     def __call__(self, step: Step) -> None:
@@ -84,7 +83,6 @@ class TruthLog:
         assert frame is not None
         self.truths.append(frame.truth)
         self.people.append(frame.people)
-        self.nearest_look_alike.append(nearest_look_alike(frame))
         self._images.update(np.ascontiguousarray(step.sample.image).data)
 
     @property
