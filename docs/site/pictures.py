@@ -17,7 +17,7 @@ from story import CAMERA_PX, HEIGHT_PX, Story
 
 from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
-from pftrack_sim.benchmark.running.rollout import Step, rollout, simulated
+from pftrack_sim.benchmark.running.rollout import Sample, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import video_writer
 from pftrack_sim.benchmark.running.tracker_runner import make_runners
 from pftrack_sim.core.boxes import iou
@@ -138,8 +138,8 @@ def tracking_story(name: str, seed: int, until_s: float) -> list[Image]:
         simulation.reset(seed)
         story = Story(simulation.world.model, STORY, (0.0, until_s), (0.0, 1.0), "overlap with the truth")
 
-        def add(step: Step) -> None:
-            frame, found = step.sample.frame, {runner.spec.label: runner.estimates[-1] for runner in runners}
+        def add(sample: Sample) -> None:
+            frame, found = sample.frame, {runner.spec.label: runner.estimates[-1] for runner in runners}
             assert frame is not None
             boxes = {label: estimate for label, estimate in found.items() if estimate is not None}
             sheets.append(story.sheet(frame, boxes, {label: overlap(frame, one) for label, one in boxes.items()}))

@@ -11,7 +11,7 @@ import numpy as np
 
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.running.filming import draw_again
-from pftrack_sim.benchmark.running.rollout import Step
+from pftrack_sim.benchmark.running.rollout import Sample
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.palette import styles_of
@@ -59,10 +59,10 @@ def draw_strips(store: RunStore, figure: Any) -> None:
     images: list[Image] = []
     times_s: list[float] = []
 
-    def keep(step: Step) -> None:
-        if step.sample.frame is not None and step.sample.frame.index in wanted:
-            images.append(step.sample.image)
-            times_s.append(step.sample.time_s)
+    def keep(sample: Sample) -> None:
+        if sample.frame is not None and sample.frame.index in wanted:
+            images.append(sample.image)
+            times_s.append(sample.time_s)
 
     draw_again(episode, [keep])
     height, width = images[0].shape[:2]

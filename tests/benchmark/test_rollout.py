@@ -7,7 +7,7 @@ import pytest
 
 from pftrack_sim import scenario
 from pftrack_sim.benchmark.running.filming import save_episode
-from pftrack_sim.benchmark.running.rollout import Step, rollout, simulated
+from pftrack_sim.benchmark.running.rollout import Sample, rollout, simulated
 from pftrack_sim.benchmark.running.tracker_runner import make_runners
 from pftrack_sim.simulation.simulation import Simulation
 from tests.benchmark.small import SMALL
@@ -16,24 +16,24 @@ LOSSY = {**SMALL, "camera.rate_hz": 30, "duration_s": 1.5, "axes.stream.severity
 
 
 def test_every_frame_reaches_trackers_and_sinks_until_the_end():
-    steps: list[Step] = []
+    samples: list[Sample] = []
     with Simulation(scenario.load("corridor", SMALL)) as simulation:
         runners = make_runners(["oracle", "stay"], seed=0)
-        rollout(simulated(simulation, 0), runners, [steps.append])
-        assert len(steps) == simulation.frame_count == 4
+        rollout(simulated(simulation, 0), runners, [samples.append])
+        assert len(samples) == simulation.frame_count == 4
         assert [runner.statuses for runner in runners] == [["init", "ok", "ok", "ok"]] * 2
-        early: list[Step] = []
+        early: list[Sample] = []
         rollout(simulated(simulation, 0, until_s=0.1), [], [early.append])
-    assert [step.sample.time_s for step in early] == pytest.approx([0.0, 0.1])
+    assert [sample.time_s for sample in early] == pytest.approx([0.0, 0.1])
 
 
 def test_a_video_shows_frames_at_their_own_times(tmp_path: Path):
     """Frames lost on the way leave gaps: the frame before stays."""
     loaded = scenario.load("corridor", LOSSY)
-    steps: list[Step] = []
+    samples: list[Sample] = []
     with Simulation(loaded) as simulation:
-        rollout(simulated(simulation, 1), [], [steps.append])
-    times = [step.sample.time_s for step in steps]
+        rollout(simulated(simulation, 1), [], [samples.append])
+    times = [sample.time_s for sample in samples]
     assert len(times) < 45
     save_episode(loaded, 1, video=tmp_path / "lossy.mp4")
     with av.open(str(tmp_path / "lossy.mp4")) as opened:

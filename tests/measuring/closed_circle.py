@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from pftrack_sim import scenario
-from pftrack_sim.benchmark.running.rollout import Step, rollout, simulated
+from pftrack_sim.benchmark.running.rollout import Sample, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import video_writer
 from pftrack_sim.camera.trajectory import log_so3
 from pftrack_sim.measuring.imu import measure_imu
@@ -47,8 +47,7 @@ def poses_of(place: str, seed: int, settings: Mapping[str, Any], add: Any = None
     """`(N, 4, 4)` poses of the camera in an episode, whose images are handed to `add` with their times."""
     poses: list[np.ndarray] = []
 
-    def sink(step: Step) -> None:
-        sample = step.sample
+    def sink(sample: Sample) -> None:
         assert sample.frame is not None
         poses.append(sample.frame.truth.T_world_camera)
         if add is not None:

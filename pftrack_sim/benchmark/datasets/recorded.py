@@ -142,14 +142,14 @@ def _run(
     on_frame: Callable[[], None],
 ) -> None:
     """Show every frame to every tracker, and film those of the first seed and start."""
-    sinks: list[Sink] = [lambda step: on_frame()]
+    sinks: list[Sink] = [lambda _: on_frame()]
     runners = [one for runners in arms for one in runners]
     with ExitStack() as opened:
         for runner in runners:
             opened.callback(runner.close)
         if video is not None:
             add = opened.enter_context(video_writer(video, rate_of(sequence)))
-            sinks.append(lambda step: add(picture(step.sample, latest(arms[0])), step.sample.time_s))
+            sinks.append(lambda sample: add(picture(sample, latest(arms[0])), sample.time_s))
         rollout(recorded(sequence, rate_of(sequence)), runners, sinks)
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.benchmark.asked.plan import Episode
 from pftrack_sim.benchmark.kept.tables import table_writer, truth_columns
-from pftrack_sim.benchmark.running.rollout import Step, detected, rollout, simulated
+from pftrack_sim.benchmark.running.rollout import Sample, detected, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import video_writer
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.core.image_files import encode
@@ -128,16 +128,16 @@ class _SequenceWriter:
     held: list[tuple[str, bytes]] = field(default_factory=list[tuple[str, bytes]])
     geometry: SceneGeometry | None = None
 
-    def add(self, step: Step) -> None:
+    def add(self, shown: Sample) -> None:
         """Take a frame."""
-        frame = step.sample.frame
+        frame = shown.frame
         assert frame is not None
         # Without its image: only one is ever held.
         no_image = np.empty((0, 0, 3), dtype=np.uint8)
         self.frames.append(Frame(frame.index, frame.time_s, no_image, frame.truth, frame.people))
         self.people.append(self._people(frame))
-        if step.sample.detections is not None:
-            self.detections.append(step.sample.detections)
+        if shown.detections is not None:
+            self.detections.append(shown.detections)
         if {"depth", "flow"} & set(self.job.maps):
             geometry = self.simulation.scene_geometry()
             if "flow" in self.job.maps and self.geometry is not None:

@@ -144,12 +144,12 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
         with ExitStack() as open_files:
             if job.video:
                 add = open_files.enter_context(video_writer(video, settings.camera.rate_hz))
-                sinks.append(lambda step: add(picture(step.sample, latest(runners), job.labels), step.sample.time_s))
+                sinks.append(lambda sample: add(picture(sample, latest(runners), job.labels), sample.time_s))
             logs = {name: folder / f"episode{FORMATS[name].suffix}" for name in job.logs}
             sinks += [
                 open_files.enter_context(episode_log(one, episode.name, settings, runners)) for one in logs.values()
             ]
-            sinks.append(lambda step: on_frame())
+            sinks.append(lambda _: on_frame())
             if episode.kind == "follow":
                 images = job.backend != WITHOUT_IMAGES
                 made = TrackAndFollowEnv(episode.scenario, backend=job.backend if images else None, image=images)

@@ -19,7 +19,7 @@ from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result
-from pftrack_sim.benchmark.running.rollout import Action, Sample, Sink, Step, backwards, drive, rollout, simulated
+from pftrack_sim.benchmark.running.rollout import Action, Sample, Sink, backwards, drive, rollout, simulated
 from pftrack_sim.benchmark.running.sinks import ErrorLog, TruthLog, episode_log, latest, picture, video_writer
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
@@ -63,7 +63,7 @@ def save_episode(
         on_frame: Called after every frame.
     """
     settings, until_s = scenario.resolve(seed), math.inf
-    last: deque[Step] = deque(maxlen=1)
+    last: deque[Sample] = deque(maxlen=1)
     if image is not None:
         if image.suffix.lower() not in (".png", ".jpg", ".jpeg"):
             raise ParameterError(f"an image's name must end in .png or .jpg, got {str(image)!r}")
@@ -71,16 +71,16 @@ def save_episode(
             raise ParameterError(f"the episode lasts {settings.duration_s:g} s, so there is no frame at {at_s:g} s")
         until_s = at_s
     with Simulation(scenario, backend=backend) as simulation, contextlib.ExitStack() as opened:
-        sinks: list[Sink] = [lambda step: on_frame(), last.append]
+        sinks: list[Sink] = [lambda _: on_frame(), last.append]
         if video is not None:
             add = opened.enter_context(video_writer(video, settings.camera.rate_hz))
-            sinks.append(lambda step: add(_drawn(step.sample, truth, runners), step.sample.time_s))
+            sinks.append(lambda sample: add(_drawn(sample, truth, runners), sample.time_s))
         if log is not None:
             sinks.append(opened.enter_context(episode_log(log, f"{scenario.name} seed {seed}", settings, runners)))
         errors = ErrorLog(runners)
         rollout(simulated(simulation, seed, until_s=until_s, sensors=log is not None), runners, [*sinks, errors])
     if image is not None:
-        write_bytes(image, encode(_drawn(last[0].sample, truth, runners), image.suffix))
+        write_bytes(image, encode(_drawn(last[0], truth, runners), image.suffix))
         return
     beside = video or log or Path()
     stems = [f"{beside.stem}-error-{slug(runner.spec.label)}" for runner in runners]
@@ -166,9 +166,9 @@ def _film(store: RunStore, episode: Episode, video: Path, backend: str | None) -
     with contextlib.ExitStack() as opened:
         add = opened.enter_context(video_writer(video, rate_hz))
 
-        def draw(step: Step) -> None:
+        def draw(sample: Sample) -> None:
             estimates = {label: next(own) for label, own in stored.items()}
-            add(picture(step.sample, estimates, store.plan.labels), step.sample.time_s)
+            add(picture(sample, estimates, store.plan.labels), sample.time_s)
 
         if episode.kind == "follow":
             env = opened.enter_context(contextlib.closing(TrackAndFollowEnv(episode.scenario, backend=backend)))

@@ -27,7 +27,7 @@ import mujoco
 import numpy as np
 
 from pftrack_sim.benchmark.keys import digest
-from pftrack_sim.benchmark.running.rollout import Sample, Sink, Step
+from pftrack_sim.benchmark.running.rollout import Sample, Sink
 from pftrack_sim.benchmark.running.sinks import TruthLog
 from pftrack_sim.core.errors import ParameterError, RenderError
 from pftrack_sim.core.records import Frame, Truth
@@ -94,9 +94,9 @@ class FrameCache:
         shape: tuple[int, ...] = ()
         whole = True
 
-        def write(step: Step) -> None:
+        def write(sample: Sample) -> None:
             nonlocal shape, whole
-            shape, image = step.sample.image.shape, np.ascontiguousarray(step.sample.image)
+            shape, image = sample.image.shape, np.ascontiguousarray(sample.image)
             try:
                 whole = file.write(image.data) == image.nbytes and whole
             except OSError:

@@ -1,7 +1,7 @@
 """The loops over the frames of an episode, simulated or recorded, open or closed loop.
 
 Trackers estimate boxes in frames, a driver turns one tracker's boxes into robot commands, and sinks (files, scores,
-progress) receive every step. All commands use these loops.
+progress) receive every frame. All commands use these loops.
 """
 
 from __future__ import annotations
@@ -51,6 +51,8 @@ class Sample:
         observation: Observation of the environment in closed loop; in open loop its `proprio` alone, on request.
         info: Information that came with it, with `robot_pose` (x, y [m], heading [rad]) and `robot`; on request.
         detections: What a detector found in it, in open loop on request; None where there is none.
+        action: In closed loop, for sinks: what answers it.
+        after: Information about where the action led.
     """
 
     time_s: float
@@ -62,18 +64,11 @@ class Sample:
     observation: Mapping[str, Any] = field(default_factory=dict[str, Any])
     info: Mapping[str, Any] = field(default_factory=dict[str, Any])
     detections: Detections | None = None
+    action: Action | None = None
+    after: Mapping[str, Any] | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
-    """A sample, the action that answers it, and the information about where the action led; both None in open loop."""
-
-    sample: Sample
-    action: Action | None
-    info: Mapping[str, Any] | None
-
-
-Sink: TypeAlias = Callable[[Step], None]
+Sink: TypeAlias = Callable[[Sample], None]
 
 
 def rollout(samples: Iterable[Sample], runners: Sequence[TrackerRunner], sinks: Sequence[Sink] = ()) -> None:
@@ -82,7 +77,7 @@ def rollout(samples: Iterable[Sample], runners: Sequence[TrackerRunner], sinks: 
         for runner in runners:
             runner.step(sample.image, sample.true_box, sample.visible_fraction, sample.detections)
         for sink in sinks:
-            sink(Step(sample, None, None))
+            sink(sample)
 
 
 def drive(env: TrackAndFollowEnv, seed: int, act: Callable[[Sample], Action], sinks: Sequence[Sink] = ()) -> None:
@@ -95,7 +90,7 @@ def drive(env: TrackAndFollowEnv, seed: int, act: Callable[[Sample], Action], si
         observation, _, _, _, given = env.step(dict(action))
         info = {**given, **_robot(env.simulation)}
         for sink in sinks:
-            sink(Step(sample, action, info))
+            sink(replace(sample, action=action, after=info))
 
 
 def simulated(
@@ -156,7 +151,7 @@ def recorded(sequence: RecordedSequence, rate_hz: float) -> Iterator[Sample]:
 def passing(samples: Iterable[Sample], sink: Sink) -> Iterator[Sample]:
     """The same frames, each of them shown to a sink before it is passed on."""
     for sample in samples:
-        sink(Step(sample, None, None))
+        sink(sample)
         yield sample
 
 

@@ -16,7 +16,7 @@ from av.error import FFmpegError
 
 from pftrack_sim.benchmark.kept.files import atomic_write
 from pftrack_sim.benchmark.kept.tables import Column, column
-from pftrack_sim.benchmark.running.rollout import Sample, Sink, Step
+from pftrack_sim.benchmark.running.rollout import Sample, Sink
 from pftrack_sim.benchmark.running.tracker_runner import TrackerRunner
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.image_files import encode
@@ -77,13 +77,13 @@ class TruthLog:
         self.people: list[Sequence[Truth]] = []
         self._images = hashlib.blake2b(digest_size=16)
 
-    def __call__(self, step: Step) -> None:
+    def __call__(self, sample: Sample) -> None:
         """Add a frame."""
-        frame = step.sample.frame
+        frame = sample.frame
         assert frame is not None
         self.truths.append(frame.truth)
         self.people.append(frame.people)
-        self._images.update(np.ascontiguousarray(step.sample.image).data)
+        self._images.update(np.ascontiguousarray(sample.image).data)
 
     @property
     def frames_digest(self) -> str:
@@ -151,15 +151,15 @@ class FollowLog:
         self._columns: dict[str, list[Any]] = {}
         self._last: dict[str, Any] = {}
 
-    def __call__(self, step: Step) -> None:
+    def __call__(self, sample: Sample) -> None:
         """Add a frame."""
-        sample, after = step.sample, step.info
+        after = sample.after
         assert sample.frame is not None
-        assert step.action is not None
+        assert sample.action is not None
         assert after is not None
         self._last = dict(after)
         truth, (x_m, y_m, heading_rad) = sample.frame.truth, sample.info["robot_pose"]
-        camera, late_s = truth.T_world_camera, float(step.action.get("late_s", 0.0))
+        camera, late_s = truth.T_world_camera, float(sample.action.get("late_s", 0.0))
         row = {
             "robot_x_m": x_m,
             "robot_y_m": y_m,
@@ -230,8 +230,7 @@ def episode_log(path: Path, name: str, settings: ResolvedScenario, runners: Sequ
     form = log_format(path)
     with atomic_write(path) as part, log_writer(form, part, info) as add:
 
-        def sink(step: Step) -> None:
-            sample = step.sample
+        def sink(sample: Sample) -> None:
             assert sample.frame is not None
             add(
                 LogFrame(
@@ -241,7 +240,7 @@ def episode_log(path: Path, name: str, settings: ResolvedScenario, runners: Sequ
                     sample.info["robot"],
                     latest(runners),
                     {runner.spec.label: runner.ms[-1] for runner in runners},
-                    None if step.info is None else np.asarray(step.info["command"], dtype=np.float64),
+                    None if sample.after is None else np.asarray(sample.after["command"], dtype=np.float64),
                 )
             )
 
@@ -256,13 +255,13 @@ class ErrorLog:
         self._labels = labels or [runner.spec.label for runner in runners]
         self._pictures: dict[str, bytes] = {}
 
-    def __call__(self, step: Step) -> None:
+    def __call__(self, sample: Sample) -> None:
         """Look for new errors."""
         for runner in self._runners:
             label = runner.spec.label
             if runner.error is not None and label not in self._pictures:
                 last = next((one for one in reversed(runner.estimates) if one is not None), None)
-                drawn = picture(step.sample, {label: last}, self._labels)
+                drawn = picture(sample, {label: last}, self._labels)
                 self._pictures[label] = encode(drawn, ".png")
 
     def files(self, stems: Iterable[str]) -> dict[str, bytes]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 from pftrack_sim.benchmark.datasets.recorded import rate_of
-from pftrack_sim.benchmark.running.rollout import Sample, Step, recorded, rollout, simulated
+from pftrack_sim.benchmark.running.rollout import Sample, recorded, rollout, simulated
 from pftrack_sim.formats import RecordedSequence
 from pftrack_sim.scenario import Scenario
 from pftrack_sim.score.profile import Profile, ProfileMeter, mean_profile
@@ -49,8 +49,8 @@ def profile_sequence(sequence: RecordedSequence, *, on_frame: Callable[[], None]
 def _measure(name: str, samples: Iterable[Sample], on_frame: Callable[[], None]) -> Profile:
     meter = ProfileMeter(name)
 
-    def measure(step: Step) -> None:
-        meter.add(step.sample.time_s, step.sample.image, step.sample.true_box, step.sample.visible_fraction > 0.0)
+    def measure(sample: Sample) -> None:
+        meter.add(sample.time_s, sample.image, sample.true_box, sample.visible_fraction > 0.0)
         on_frame()
 
     rollout(samples, (), [measure])
