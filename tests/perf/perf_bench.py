@@ -26,8 +26,7 @@ sys.path.insert(0, str(ROOT))
 
 from pftrack_sim import trackers
 from pftrack_sim.benchmark import TrackerSpec, make_plan, run
-from pftrack_sim.benchmark.running.episode import EpisodeJob, run_episode
-from pftrack_sim.benchmark.running.executor import FinishedJob
+from pftrack_sim.benchmark.running.episode import EpisodeFiles, EpisodeJob, run_episode
 from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerCode
@@ -137,12 +136,12 @@ class Canned:
 
     frames_done: None = None
 
-    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob]:
+    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[EpisodeFiles]:
         """See `pools.Pool`."""
         outcome = None
         for job in jobs:
             outcome = outcome or run_episode(job)
-            yield FinishedJob(job, outcome)
+            yield outcome
 
     def close(self) -> None:
         """See `pools.Pool`."""

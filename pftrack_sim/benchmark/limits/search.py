@@ -290,7 +290,7 @@ def find_limits(plan: Plan, searches: Sequence[Search], path: Path, **options: A
 
 def examples(store: RunStore, found: Limits) -> list[Result]:
     """The results next to every breaking point, of those below and those above it."""
-    results = {(one.scenario, one.condition.name, one.seed, one.label): one for one in store.results}
+    results = {one.key: one for one in store.results}
     near = [(limit, one) for limit in found.limits for one in (limit.held, limit.failed) if one is not None]
     return [results[limit.scenario, one.condition, one.seed, limit.tracker] for limit, one in near]
 

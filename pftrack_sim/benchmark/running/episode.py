@@ -41,7 +41,7 @@ from pftrack_sim.benchmark.running.sinks import (
     video_writer,
 )
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, make_runners
-from pftrack_sim.core.errors import RunError
+from pftrack_sim.core.errors import RunError, ScenarioError
 from pftrack_sim.env import TrackAndFollowEnv
 from pftrack_sim.logs import FORMATS
 from pftrack_sim.scene.robot import fitted_settings
@@ -86,11 +86,20 @@ class EpisodeJob:
 
 @dataclass(frozen=True)
 class EpisodeFiles:
-    """What an episode leaves: contents of files by their paths within the run folder, and each tracker's scores."""
+    """What an episode leaves.
 
-    contents: dict[str, bytes]
-    frames: int
-    rows: tuple[dict[str, Any], ...]
+    Attributes:
+        name: Of the episode.
+        contents: Files by their paths within the run folder.
+        rows: Each tracker's scores.
+        problem: Why it could not be run; None where it was.
+    """
+
+    name: str
+    contents: dict[str, bytes] = field(default_factory=dict[str, bytes])
+    frames: int = 0
+    rows: tuple[dict[str, Any], ...] = ()
+    problem: str | None = None
 
 
 def run_episode(
@@ -100,18 +109,21 @@ def run_episode(
 ) -> EpisodeFiles:
     """Run an episode; processes of isolated trackers stay in `processes`, or else end with it.
 
+    A scenario that contradicts itself at the episode's seed is a problem of this episode.
+
     Raises:
         RenderError: No renderer works.
-        ScenarioError: The scenario contradicts itself at this seed.
         RunError: No space for its files, or other code or versions than the run has.
     """
     lines = "\n".join(f"  {line}" for line in differences(job.episode.environment, environment()))
     if lines:
         raise RunError(f"this worker has other code or versions than the run, so its results would differ\n{lines}")
     try:
+        with contextlib.suppress(DamagedEntry):  # it is gone then, and the frames are drawn
+            return _run(job, on_frame, processes)
         return _run(job, on_frame, processes)
-    except DamagedEntry:  # it is gone: the frames are drawn
-        return _run(job, on_frame, processes)
+    except ScenarioError as error:
+        return EpisodeFiles(job.episode.name, problem=str(error))
 
 
 def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProcesses | None) -> EpisodeFiles:
@@ -183,7 +195,7 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
         contents |= {f"errors/{name}": content for name, content in errors.files(files).items()}
         contents |= {f"logs/{episode.path}{path.suffix}": path.read_bytes() for path in logs.values()}
         contents |= {episode.video: video.read_bytes()} if job.video else {}
-        return EpisodeFiles(contents, len(log.truths), tuple(rows))
+        return EpisodeFiles(episode.name, contents, len(log.truths), tuple(rows))
 
 
 @contextlib.contextmanager

@@ -15,8 +15,8 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
-from dataclasses import dataclass, replace
-from functools import cache, partial
+from dataclasses import replace
+from functools import cache
 from multiprocessing import resource_tracker
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.context import SpawnContext, SpawnProcess
@@ -25,7 +25,7 @@ from typing import Any
 
 from pftrack_sim.benchmark.running.episode import MAX_DEATHS, EpisodeFiles, EpisodeJob, run_episode
 from pftrack_sim.core.compiled import compile_in_silence
-from pftrack_sim.core.errors import RunError, ScenarioError
+from pftrack_sim.core.errors import RunError
 from pftrack_sim.trackers.isolation import TrackerProcesses
 
 _PROGRESS_PERIOD_S = 0.2
@@ -38,22 +38,6 @@ _JOBS_PER_THREAD = 2
 """Episodes given to a cluster for each of its threads: one runs, the other waits beside it."""
 
 
-@dataclass(frozen=True)
-class FinishedJob:
-    """A job with the files of its episode, or the problem for which it could not be run."""
-
-    job: EpisodeJob
-    files: EpisodeFiles | None
-    problem: str | None = None
-
-
-def _finish(job: EpisodeJob, result: Callable[[], EpisodeFiles]) -> FinishedJob:
-    try:
-        return FinishedJob(job, result())
-    except ScenarioError as error:
-        return FinishedJob(job, None, str(error))
-
-
 class Executor(ABC):
     """Runs episodes in any order."""
 
@@ -63,11 +47,11 @@ class Executor(ABC):
         return None
 
     @abstractmethod
-    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
+    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[EpisodeFiles | None]:
         """Run every job, taking only as many from the iterator as can be worked on.
 
         Yields:
-            Each finished job, and None a few times a second so that progress can be shown.
+            What each episode leaves, and None a few times a second so that progress can be shown.
         """
 
     @abstractmethod
@@ -81,10 +65,10 @@ class SerialExecutor(Executor):
     def __init__(self, processes: TrackerProcesses) -> None:
         self._processes = processes
 
-    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
+    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[EpisodeFiles | None]:
         """See `Executor`."""
         for job in jobs:
-            yield _finish(job, partial(run_episode, job, processes=self._processes))
+            yield run_episode(job, processes=self._processes)
 
     def close(self) -> None:
         """See `Executor`."""
@@ -102,7 +86,7 @@ class LocalExecutor(Executor):
     def _start(self, index: int) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(1, self._context, initializer=_initialise, initargs=(self._frames, index))
 
-    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
+    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[EpisodeFiles | None]:
         """See `Executor`. An episode whose worker dies is run again by a new one."""
         repeated: deque[EpisodeJob] = deque()
         running: dict[Future[EpisodeFiles], tuple[int, EpisodeJob]] = {}
@@ -118,14 +102,14 @@ class LocalExecutor(Executor):
                 index, job = running.pop(future)
                 idle.append(index)
                 try:
-                    yield _finish(job, future.result)
+                    yield future.result()
                 except BrokenExecutor:
                     self._restart(index)
                     again = replace(job, deaths=job.deaths + 1)
                     if again.deaths < MAX_DEATHS:
                         repeated.append(again)
                     else:
-                        yield FinishedJob(job, None, f"{job.episode.name}: its worker died {MAX_DEATHS} times")
+                        yield _given_up(job, f"its worker died {MAX_DEATHS} times")
             yield None
 
     def _submit(self, index: int, job: EpisodeJob) -> Future[EpisodeFiles]:
@@ -218,7 +202,7 @@ class DaskExecutor(Executor):
         except (OSError, ValueError) as error:
             raise RunError(f"no Dask scheduler at {address!r}: {error}") from None
 
-    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[FinishedJob | None]:
+    def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[EpisodeFiles | None]:
         """See `Executor`. The scheduler repeats an episode whose worker dies."""
         from distributed import KilledWorker, as_completed
 
@@ -229,9 +213,9 @@ class DaskExecutor(Executor):
             future = next(finished)
             job = running.pop(future.key)
             try:
-                yield _finish(job, future.result)
+                yield future.result()
             except KilledWorker:
-                yield FinishedJob(job, None, f"{job.episode.name}: its workers died repeatedly")
+                yield _given_up(job, "its workers died repeatedly")
             future.release()
             self._submit(jobs, running, finished)
 
@@ -245,6 +229,10 @@ class DaskExecutor(Executor):
     def close(self) -> None:
         """See `Executor`."""
         self._client.close()
+
+
+def _given_up(job: EpisodeJob, why: str) -> EpisodeFiles:
+    return EpisodeFiles(job.episode.name, problem=f"{job.episode.name}: {why}")
 
 
 _count_frame: Callable[[], None] = lambda: None  # noqa: E731 - set once in each worker

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pftrack_sim.benchmark.asked.plan import Episode, Plan
+from pftrack_sim.benchmark.asked.plan import Plan
 from pftrack_sim.benchmark.kept.tables import read_metadata
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.running.episode import EpisodeFiles
@@ -60,10 +60,10 @@ class ProgressCounter:
         """Count towards a plan that asks for more."""
         self.total = len(plan.episodes(part=part))
 
-    def add(self, episode: Episode, files: EpisodeFiles) -> None:
+    def add(self, files: EpisodeFiles) -> None:
         """Count a finished episode."""
         self._frames += files.frames
-        self._last = episode.name
+        self._last = files.name
         self.done += 1
         for row in files.rows:
             self._count(row)

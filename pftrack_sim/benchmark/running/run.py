@@ -16,8 +16,8 @@ from pftrack_sim.benchmark.asked.plan import Episode, Plan, TrackerSpec
 from pftrack_sim.benchmark.kept.folder import SCRATCH
 from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.benchmark.reading.store import RunStore
-from pftrack_sim.benchmark.running.episode import WITHOUT_IMAGES, EpisodeJob
-from pftrack_sim.benchmark.running.executor import DaskExecutor, Executor, FinishedJob, LocalExecutor, SerialExecutor
+from pftrack_sim.benchmark.running.episode import WITHOUT_IMAGES, EpisodeFiles, EpisodeJob
+from pftrack_sim.benchmark.running.executor import DaskExecutor, Executor, LocalExecutor, SerialExecutor
 from pftrack_sim.benchmark.running.filming import film, worst
 from pftrack_sim.benchmark.running.frame_cache import FrameCache
 from pftrack_sim.benchmark.running.progress import ProgressCounter, RunProgress
@@ -143,7 +143,7 @@ def run(
                     cache=cache,
                 )
 
-    def finished_jobs() -> Iterator[FinishedJob | None]:
+    def finished() -> Iterator[EpisodeFiles | None]:
         nonlocal plan
         yield from executor.run_all(jobs())
         while not problems and (added := more(store)) is not None:
@@ -163,17 +163,17 @@ def run(
         errors = 0
         try:
             with _deferred_interrupt(not isinstance(executor, SerialExecutor)) as interrupted:
-                for done in finished_jobs():
-                    if done is not None and done.files is not None:
-                        errors += sum(row["error"] is not None for row in done.files.rows)
+                for files in finished():
+                    if files is not None and files.problem is not None:
+                        problems.append(f"  {files.problem}")
+                    elif files is not None:
+                        errors += sum(row["error"] is not None for row in files.rows)
                         shown = errors <= MAX_ERROR_FILES
-                        contents = done.files.contents.items()
+                        contents = files.contents.items()
                         store.add({name: one for name, one in contents if shown or not name.startswith("errors/")})
-                        counter.add(done.job.episode, done.files)
+                        counter.add(files)
                         if stop_on_error and errors:
                             break
-                    elif done is not None:
-                        problems.append(f"  {done.problem}")
                     on_progress(counter.progress(executor.frames_done))
                     if interrupted():
                         raise KeyboardInterrupt

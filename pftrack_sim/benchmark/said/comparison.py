@@ -174,7 +174,7 @@ def _chosen(first: RunStore, second: RunStore, trackers: Sequence[str]) -> tuple
 
 
 def _by_episode(run: RunStore, label: str) -> dict[_EpisodeKey, Result]:
-    return {(one.scenario, one.condition.name, one.seed): one for one in run.results if one.label == label}
+    return {one.key[:3]: one for one in run.results if one.label == label}
 
 
 def _rows(pairs: Sequence[EpisodeDifference], measure: str) -> list[Difference]:
