@@ -125,9 +125,7 @@ def _each(
 def late_events(plan: Plan, changed: Collection[str] | None = None) -> list[str]:
     """A line for each scenario and what begins after its episode, with the times of the first one that it is cut from.
 
-    Args:
-        plan: The plan.
-        changed: Keys of scenarios: only what these can have cut off; None: all.
+    Of some `changed` keys of scenarios only what these can have cut off.
     """
     lines: dict[tuple[str, ...], str] = {}
     for episode in plan.first_episodes:

@@ -15,12 +15,8 @@ _MOST_LINES = 8
 def united(stored: Plan, asked: Plan, *, running: bool = False) -> Plan:
     """What is stored, and what is asked for besides; of the same name counts what is asked for.
 
-    Every tracker runs in every episode, so that a tracker that is added runs in those that were there too.
-
-    Args:
-        stored: The one plan.
-        asked: The other.
-        running: Whether it will be run: trackers that are not asked for count with the code of today.
+    Every tracker runs in every episode, so that a tracker that is added runs in those that were there too. Where the
+    plan will be run, with `running`, trackers that are not asked for count with the code of today.
 
     Raises:
         ParameterError: They cannot be one plan: one is in open and the other in closed loop.

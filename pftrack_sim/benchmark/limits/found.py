@@ -50,7 +50,6 @@ class Limit(Section):
     Attributes:
         range: Lowest level above 0, and highest.
         typical: Level of severity 1; None for an axis of the run.
-        tracker: Its label.
         breaking_point: Median of its posterior; None where it is not within the range or the verdict is not `breaks`.
         low: Lower end of its 95 % interval; None where it is open.
         high: Upper end; None where it is open.

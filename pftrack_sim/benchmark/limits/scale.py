@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -58,18 +59,21 @@ class Scale:
     Attributes:
         axis: Name of the axis.
         unit: Unit of its levels, as a label.
-        levels: `(L,)` rising, in that unit; the first is 0, the scenario without stress.
+        settings: `(L,)` rising severities, or levels of an axis of the run; the first is 0, no stress.
         typical: Level of severity 1; None for an axis of the run.
-        settings: `(L,)` the same as a condition has them: severities, or levels of an axis of the run.
         mix: Of several axes at once, the share of the level that is each one's severity; the unit is a severity then.
     """
 
     axis: str
     unit: str
-    levels: FloatArray
     settings: FloatArray
     typical: float | None
     mix: tuple[Mixed, ...] = ()
+
+    @cached_property
+    def levels(self) -> FloatArray:
+        """`(L,)` the settings in the unit of the axis."""
+        return self.settings if self.typical is None else self.settings * self.typical
 
     @property
     def coordinates(self) -> FloatArray:
@@ -119,7 +123,7 @@ def make_scale(spec: ScenarioSpec, axis: str, wanted: Range | None, seed: int) -
     if axis in RUN_AXES:
         settings = _spaced(axis, *(wanted or _RUN_RANGES[axis]))
         settings = np.concatenate([[0.0], settings])
-        return Scale(axis, RUN_AXES[axis][0], settings, settings, None)
+        return Scale(axis, RUN_AXES[axis][0], settings, None)
     scenario = Scenario(spec.name, spec.tree)
     typical = scenarios.load(scenario, {f"axes.{axis}.severity": 1.0}).resolve(seed)
     problem = scenarios.axis_without_effect(typical, axis)
@@ -135,7 +139,7 @@ def make_scale(spec: ScenarioSpec, axis: str, wanted: Range | None, seed: int) -
         most = f"at most {accepted[-1] * stress.physical:.3g} {stress.unit}" if accepted else "none of these levels"
         raise ParameterError(f"{spec.name} takes {most} of the axis {axis}, got {low:.3g} to {high:.3g}")
     settings = np.array([0.0, *accepted])
-    return Scale(axis, stress.unit, settings * stress.physical, settings, stress.physical)
+    return Scale(axis, stress.unit, settings, stress.physical)
 
 
 def mixed(first: Scale, second: Scale, shares: tuple[float, float]) -> Scale:
@@ -155,7 +159,7 @@ def mixed(first: Scale, second: Scale, shares: tuple[float, float]) -> Scale:
         raise ParameterError(f"the ranges of {first.axis} and {second.axis} have no severities in common")
     levels = np.array([0.0, *(float(f"{level:.4g}") for level in _spaced("", low, high))])
     name = " + ".join(f"{share:g} {scale.axis}" for scale, share in pairs)
-    return Scale(name, "severity", levels, levels, None, tuple(mix))
+    return Scale(name, "severity", levels, None, tuple(mix))
 
 
 def _spaced(axis: str, low: float, high: float) -> FloatArray:

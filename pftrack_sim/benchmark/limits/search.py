@@ -84,7 +84,6 @@ class Search:
     """The search for the breaking points of all trackers on one axis of one scenario.
 
     Attributes:
-        labels: The trackers.
         seeds: Of its episodes, in this order.
         trials: Index of the level and seed of every episode that was chosen.
     """

@@ -51,10 +51,7 @@ class Degradation:
     """One tracker's scores at one level of an axis.
 
     Attributes:
-        at: The level.
         tracker: Label of the tracker, or `STAY`.
-        scenario: The scenario.
-        seed: The seed.
         overlap: Mean overlap on the frames that all levels share.
         recovered: Share of the occlusions after which the target is tracked again within 2 s; NaN without one.
     """
@@ -75,8 +72,6 @@ class Crossing:
         first: Level of one axis.
         second: Level of the other.
         tracker: Label of the tracker, or `STAY`.
-        scenario: The scenario.
-        seed: The seed.
         overlap: Mean overlap on the frames that all combinations share, over the levels of further axes.
     """
 
