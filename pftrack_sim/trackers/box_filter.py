@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, Generic, Literal, Protocol, TypeAlias, TypeVar
 
 import numpy as np
@@ -76,13 +75,9 @@ class WalkTracker(BaseTracker, Generic[WalkT]):
         self._filter = ParticleFilter(np.tile(state, (self.params.particle_count, 1)), self._rng)
 
 
-TUNED_WALK: Mapping[str, Any] = MappingProxyType(
-    {"sigma_centre": 0.2, "sigma_size": 0.025, "size_correlation": 1.0, "sigma_unit": "box"}
-)
+TUNED_WALK: Mapping[str, Any] = {"sigma_centre": 0.2, "sigma_size": 0.025, "size_correlation": 1.0, "sigma_unit": "box"}
 """The random walk in the preset `default`: in shares of the box, whose shape it keeps."""
-TUNED_FILTER: Mapping[str, Any] = MappingProxyType(
-    {**TUNED_WALK, "top_count": 20, "hold_distance": 0.6, "redraw": "estimate"}
-)
+TUNED_FILTER: Mapping[str, Any] = {**TUNED_WALK, "top_count": 20, "hold_distance": 0.6, "redraw": "estimate"}
 """The filter of `ko2012` in the preset `default`, which others share."""
 
 

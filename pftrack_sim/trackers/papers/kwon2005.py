@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -78,30 +77,28 @@ class Kwon2005Parameters(MixtureParameters):
     # stable component indicate occlusions, more than half of them: fewer change with the posture. 100 points measure
     # scale, which 25 hardly do. The velocity is off: with few points its linear fit misleads the particles as often as
     # it helps.
-    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {
-            "point_count": 100,
-            "particle_count": 250,
-            "particle_count_max": 600,
-            "noise_min": 0.848,
-            "noise_max": 1.72,
-            "sigma_centre": 0.13,
-            "sigma_scale": 0.025,
-            "sigma_angle": 0.0015,
-            "velocity": False,
-            "outliers": "stable",
-            "half_life": 65.0,
-            "sigma_wandering": 0.8,
-            "sigma_stable": 0.596,
-            "sigma_fixed": 0.355,
-            "sigma_min": 0.232,
-            "independence": 0.47,
-            "occlusion_share": 0.5,
-            "hold_below": 0.65,
-            "widen": 4.0,
-            "camera_motion": True,
-        }
-    )
+    TUNED: ClassVar[Mapping[str, Any]] = {
+        "point_count": 100,
+        "particle_count": 250,
+        "particle_count_max": 600,
+        "noise_min": 0.848,
+        "noise_max": 1.72,
+        "sigma_centre": 0.13,
+        "sigma_scale": 0.025,
+        "sigma_angle": 0.0015,
+        "velocity": False,
+        "outliers": "stable",
+        "half_life": 65.0,
+        "sigma_wandering": 0.8,
+        "sigma_stable": 0.596,
+        "sigma_fixed": 0.355,
+        "sigma_min": 0.232,
+        "independence": 0.47,
+        "occlusion_share": 0.5,
+        "hold_below": 0.65,
+        "widen": 4.0,
+        "camera_motion": True,
+    }
 
     motion: MotionModel = "similarity"
     point_count: Annotated[int, Field(ge=4, le=10_000)] = 400

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal
 
 import cv2
@@ -72,24 +71,22 @@ class Lee2012Parameters(OnlineFeatureParameters):
     # Found by a coarse search on four recorded sequences (BoBoT A and E, OTB Jogging-1 and David): noise relative to
     # the target's size, constant shape, narrower likelihoods of the first frame, which separate particles, and few
     # components. The factor of the first frame keeps the subspace from learning its own drift: docs/papers/lee2012.md.
-    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {
-            "particle_count": 400,
-            "noise_unit": "box",
-            "noise_width": 0.02,
-            "noise_height": 0.02,
-            "noise_velocity_x": 0.1,
-            "noise_velocity_y": 0.05,
-            "keep_shape": True,
-            "start": "box",
-            "resampling": "systematic",
-            "sigma_colour": 0.22,
-            "sigma_hog": 0.22,
-            "component_count": 4,
-            "learned_scale": "root",
-            "anchored": True,
-        }
-    )
+    TUNED: ClassVar[Mapping[str, Any]] = {
+        "particle_count": 400,
+        "noise_unit": "box",
+        "noise_width": 0.02,
+        "noise_height": 0.02,
+        "noise_velocity_x": 0.1,
+        "noise_velocity_y": 0.05,
+        "keep_shape": True,
+        "start": "box",
+        "resampling": "systematic",
+        "sigma_colour": 0.22,
+        "sigma_hog": 0.22,
+        "component_count": 4,
+        "learned_scale": "root",
+        "anchored": True,
+    }
 
     particle_count: Count = 100
     noise_width: NotNegative = 2.5

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -59,7 +58,7 @@ class Deguchi2004Parameters(WalkParameters):
     """
 
     # docs/papers/relatives.md states what was tried on which recorded sequences.
-    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType({**TUNED_WALK, "top_count": 10})
+    TUNED: ClassVar[Mapping[str, Any]] = {**TUNED_WALK, "top_count": 10}
 
     iteration_count: Annotated[int, Field(ge=1, le=1000)] = 20
     size_step: Share = 0.1

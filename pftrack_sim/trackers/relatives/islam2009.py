@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 import cv2
@@ -50,16 +49,14 @@ class Islam2009Parameters(BoxFilterParameters):
     """
 
     # docs/papers/relatives.md states what was tried on which recorded sequences.
-    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {
-            "particle_count": 200,
-            **TUNED_WALK,
-            "top_count": 10,
-            "redraw": "estimate",
-            "colour_share": 0.7,
-            "cap_share": 0.25,
-        }
-    )
+    TUNED: ClassVar[Mapping[str, Any]] = {
+        "particle_count": 200,
+        **TUNED_WALK,
+        "top_count": 10,
+        "redraw": "estimate",
+        "colour_share": 0.7,
+        "cap_share": 0.25,
+    }
 
     sigma_centre: NotNegative = 4.0
     sigma_size: NotNegative = 1.0

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -59,14 +58,7 @@ class Khan2011Parameters(WalkParameters):
     """
 
     # Chosen on four recorded sequences (BoBoT A and E, OTB Jogging-1 and David): docs/papers/relatives.md.
-    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {
-            **TUNED_WALK,
-            "shape_gain": 0.2,
-            "learning_rate": 0.005,
-            "learn_above": 0.95,
-        }
-    )
+    TUNED: ClassVar[Mapping[str, Any]] = {**TUNED_WALK, "shape_gain": 0.2, "learning_rate": 0.005, "learn_above": 0.95}
 
     particle_count: Count = 15
     sigma_angle: Annotated[float, Field(ge=0.0, le=math.pi)] = 0.02

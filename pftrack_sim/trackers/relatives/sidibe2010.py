@@ -12,7 +12,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 import cv2
@@ -50,12 +49,7 @@ class Sidibe2010Parameters(BoxFilterParameters):
 
     # The filter is that of `ko2012`; the weight of the saliency was chosen on four recorded sequences (BoBoT A and E,
     # OTB Jogging-1 and David): docs/papers/relatives.md.
-    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {
-            **TUNED_FILTER,
-            "lambda_saliency": 40.0,
-        }
-    )
+    TUNED: ClassVar[Mapping[str, Any]] = {**TUNED_FILTER, "lambda_saliency": 40.0}
 
     lambda_colour: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0
     lambda_saliency: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0

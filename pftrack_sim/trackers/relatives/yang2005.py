@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 import cv2
@@ -62,16 +61,14 @@ class Yang2005Parameters(BoxFilterParameters):
     """
 
     # docs/papers/relatives.md states what was tried on which recorded sequences.
-    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {
-            **TUNED_WALK,
-            "top_count": 10,
-            "redraw": "estimate",
-            "hold_below": 0.4,
-            "held_noise": 2.0,
-            "sigma_colour": 0.2,
-        }
-    )
+    TUNED: ClassVar[Mapping[str, Any]] = {
+        **TUNED_WALK,
+        "top_count": 10,
+        "redraw": "estimate",
+        "hold_below": 0.4,
+        "held_noise": 2.0,
+        "sigma_colour": 0.2,
+    }
 
     particle_count: Count = 512
     sigma_centre: NotNegative = 4.0
