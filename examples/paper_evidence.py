@@ -36,7 +36,6 @@ from pftrack_sim.score.curves import success_rate
 from pftrack_sim.score.frames import counted_frames, frame_scores
 from pftrack_sim.trackers.features.pixel_codes import hsv_codes, rgb_codes
 from pftrack_sim.trackers.filters import ParticleFilter
-from pftrack_sim.trackers.papers.ko2012 import METHODS as KO2012_METHODS
 from pftrack_sim.trackers.papers.ko2012 import Ko2012, Ko2012Parameters, Mixture
 from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012, Lee2012Parameters
 from pftrack_sim.truth.silhouettes import Silhouette
@@ -215,7 +214,7 @@ def noise(seed: int, videos: Iterable[str], changes: Mapping[str, Any]) -> Itera
         cells = [f"{np.median(moved):.2f}, {np.quantile(moved, 0.9):.2f}"]
         for preset in ("paper", "default"):
             params = Ko2012Parameters.from_preset("ko2012", preset, {})
-            tracker = Weighed(KO2012_METHODS["ko2012"], params, seed)
+            tracker = Weighed("ko2012", params, seed)
             tracker.init(episode[0][0], episode[0][1].box)
             shares = [(tracker.update(image), tracker.effective_share())[1] for image, _ in episode[1:]]
             width, height = episode[0][1].box[2:]

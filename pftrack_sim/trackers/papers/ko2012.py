@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -59,14 +58,7 @@ class Ko2012Parameters(BoxFilterParameters):
     # Found by a coarse search on four recorded sequences (BoBoT A and E, OTB Jogging-1 and David): noise relative to
     # the target's size for a shaking camera, constant shape, particles restarted at the new state (as in the abstract),
     # and a likelihood that separates particles. docs/papers/ko2012.md states the effect of each.
-    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {
-            **TUNED_FILTER,
-            "hold_below": 0.88,
-            "held_noise": 2.5,
-            "camera_motion": True,
-        }
-    )
+    TUNED: ClassVar[Mapping[str, Any]] = {**TUNED_FILTER, "hold_below": 0.88, "held_noise": 2.5, "camera_motion": True}
 
     particle_count: Count = 400
     alpha: Share = 0.4
@@ -75,26 +67,18 @@ class Ko2012Parameters(BoxFilterParameters):
     lambda_texture: Annotated[float, Field(ge=0.0, le=10_000.0)] = 20.0
 
 
-@dataclass(frozen=True, eq=False)
-class Method:
-    """The histograms of a method."""
-
-    colour: Feature | None = None
-    texture: Feature | None = None
-
-
 _HSV = partial(hsv_codes, bin_count=COLOUR_BINS)
 _UNIFORM, _KERNEL = uniform_layout(3, COLOUR_BINS), epanechnikov_layout(3, COLOUR_BINS)
 _TEXTURE = Feature(cs_lbp_codes, cell_layout())
 
-METHODS = {
-    "ko2012-rgb": Method(colour=Feature(partial(rgb_codes, bin_count=COLOUR_BINS), _UNIFORM)),
-    "ko2012-hsv": Method(colour=Feature(_HSV, _UNIFORM)),
-    "ko2012-hsv-kernel": Method(colour=Feature(_HSV, _KERNEL)),
-    "ko2012-cslbp": Method(texture=_TEXTURE),
-    "ko2012": Method(colour=Feature(_HSV, _KERNEL), texture=_TEXTURE),
+METHODS: Mapping[str, Mapping[Literal["colour", "texture"], Feature]] = {
+    "ko2012-rgb": {"colour": Feature(partial(rgb_codes, bin_count=COLOUR_BINS), _UNIFORM)},
+    "ko2012-hsv": {"colour": Feature(_HSV, _UNIFORM)},
+    "ko2012-hsv-kernel": {"colour": Feature(_HSV, _KERNEL)},
+    "ko2012-cslbp": {"texture": _TEXTURE},
+    "ko2012": {"colour": Feature(_HSV, _KERNEL), "texture": _TEXTURE},
 }
-"""Methods (1) to (5) of table 2, in its order. Bins of (1) and (2) are not printed: as in the proposed method."""
+"""Histograms of the methods (1) to (5) of table 2, in its order. Bins of (1) and (2) are not printed: as in (5)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,11 +114,16 @@ def log_mixture(similarities: FloatArray, shares: FloatArray, form: LikelihoodFo
 
 
 class Ko2012(BoxFilterTracker[Ko2012Parameters, Mixture]):
-    """One of the five methods; it draws from the stream `"tracker"` of the root seed."""
+    """One of `METHODS`; it draws from the stream `"tracker"` of the root seed."""
 
-    def __init__(self, method: Method, params: Ko2012Parameters, seed: int) -> None:
+    def __init__(self, name: str, params: Ko2012Parameters, seed: int) -> None:
         super().__init__(params, seed)
-        self.features, self._shares, self._lambdas = _mixture(method, params)
+        method = METHODS[name]
+        self.features = tuple(method.values())
+        weights = {"colour": 1.0 - params.alpha, "texture": params.alpha}
+        lambdas = {"colour": params.lambda_colour, "texture": params.lambda_texture}
+        self._shares = np.array([weights[cue] for cue in method] if len(method) > 1 else [1.0])
+        self._lambdas = np.array([lambdas[cue] for cue in method])
 
     def _learn_first(self, image: Image, box: Box) -> None:
         self._model = HistogramModel(self.features, image, box)
@@ -145,14 +134,4 @@ class Ko2012(BoxFilterTracker[Ko2012Parameters, Mixture]):
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Ko2012:
     """Make one of `METHODS`; raises ParameterError."""
-    return Ko2012(METHODS[name], Ko2012Parameters.from_preset(name, preset, params), seed)
-
-
-def _mixture(method: Method, params: Ko2012Parameters) -> tuple[tuple[Feature, ...], FloatArray, FloatArray]:
-    """The features of the mixture (9), with the `(F,)` weight and the `(F,)` lambda of each."""
-    parts = (
-        (method.colour, 1.0 - params.alpha, params.lambda_colour),
-        (method.texture, params.alpha, params.lambda_texture),
-    )
-    features, shares, lambdas = zip(*(part for part in parts if part[0] is not None), strict=True)
-    return features, np.array(shares if len(features) > 1 else [1.0]), np.array(lambdas)
+    return Ko2012(name, Ko2012Parameters.from_preset(name, preset, params), seed)

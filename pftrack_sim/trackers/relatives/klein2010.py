@@ -13,7 +13,6 @@ from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
 
 import cv2
@@ -59,15 +58,13 @@ class BoostedParameters(BoxFilterParameters):
     # The filter is that of `ko2012`; the rest was chosen on four recorded sequences (BoBoT A and E, OTB Jogging-1 and
     # David). The first frame and past estimates keep the classifier from learning its own drift:
     # docs/papers/relatives.md.
-    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {
-            **TUNED_FILTER,
-            "soft": True,
-            "anchor": 0.3,
-            "memory": 40,
-            "learn_above": 0.65,
-        }
-    )
+    TUNED: ClassVar[Mapping[str, Any]] = {
+        **TUNED_FILTER,
+        "soft": True,
+        "anchor": 0.3,
+        "memory": 40,
+        "learn_above": 0.65,
+    }
 
     sharpness: NotNegative = 10.0
     soft: bool = False
@@ -345,8 +342,7 @@ class Klein2010(BoostedTracker[Klein2010Parameters]):
         return measure
 
 
-_KO2012 = METHODS["ko2012"]
-_BINS = tuple(one for one in (_KO2012.colour, _KO2012.texture) if one is not None)
+_BINS = tuple(METHODS["ko2012"].values())
 
 
 class Ko2012ClassifierParameters(BoostedParameters):
@@ -354,7 +350,7 @@ class Ko2012ClassifierParameters(BoostedParameters):
 
     # A share of bins tells the classes apart less surely than a centre-surround feature, so that with the 0.65 of
     # `klein2010` nothing is learnt after the first frame on most sequences: docs/papers/relatives.md.
-    TUNED: ClassVar[Mapping[str, Any]] = MappingProxyType({**BoostedParameters.TUNED, "learn_above": 0.5})
+    TUNED: ClassVar[Mapping[str, Any]] = {**BoostedParameters.TUNED, "learn_above": 0.5}
 
 
 class Ko2012Classifier(BoostedTracker[Ko2012ClassifierParameters]):
