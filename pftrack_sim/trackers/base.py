@@ -147,23 +147,6 @@ def _checked_first_box(box: ArrayLike, image: Image) -> Box:
     return first
 
 
-def checked_estimate(output: object, given: Image, original: Image) -> Estimate:
-    """Check what a tracker's `update` returned and copy it into a plain `Estimate`.
-
-    Args:
-        output: What the tracker returned.
-        given: `(H, W, 3)` the copy of the image that the tracker got.
-        original: `(H, W, 3)` the image before the call.
-
-    Raises:
-        TrackerError: The output is no estimate, see `as_estimate`, or the tracker modified its image.
-        BoxError: The box is invalid.
-        ParameterError: The confidence is not in [0, 1].
-    """
-    check_unmodified(given, original)
-    return as_estimate(output)
-
-
 def as_estimate(output: object) -> Estimate:
     """What a tracker's `update` returned as a plain `Estimate`; an array, list or tuple of four numbers is a box.
 

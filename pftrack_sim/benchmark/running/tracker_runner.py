@@ -18,7 +18,7 @@ from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes, Tracker
 from pftrack_sim.core.text import describe_error, locate_error, traceback_text
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.base import check_unmodified, checked_estimate
+from pftrack_sim.trackers.base import as_estimate, check_unmodified
 from pftrack_sim.trackers.isolation import (
     IsolatedTracker,
     Limits,
@@ -119,10 +119,8 @@ class TrackerRunner:
                 self.took_ms = tracker.took_ms
                 return estimate
             self.took_ms = (time.perf_counter() - start_s) * 1e3
-            if first:
-                check_unmodified(shown, image)
-                return estimate
-            return checked_estimate(estimate, shown, image)
+            check_unmodified(shown, image)
+            return estimate if first else as_estimate(estimate)
         except TrackerFault:
             self.close()
             raise

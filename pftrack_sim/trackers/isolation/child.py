@@ -27,7 +27,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, NoReturn, Protocol, runtime_checkable
+from typing import Any, Literal, NoReturn, cast
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from pftrack_sim import trackers
 from pftrack_sim.core.code_digest import OpenedFiles
 from pftrack_sim.core.records import Detections, TrackedBoxes, Tracker
 from pftrack_sim.core.text import describe_error, locate_error, traceback_text
-from pftrack_sim.trackers.base import check_unmodified, checked_estimate
+from pftrack_sim.trackers.base import as_estimate, check_unmodified
 from pftrack_sim.trackers.trax import PREFIX as TRAX
 
 LENGTH = struct.Struct("!Q")
@@ -50,8 +50,8 @@ _ENDED = 97
 _GPU_DEVICES = ("/dev/nvidia", "/dev/dri/", "/dev/kfd")
 
 
-def serve(requests: socket.socket, settings: dict[str, Any], end_others: Callable[[], None]) -> NoReturn:
-    """Serve a tracker until the parent closes the connection.
+class Server:
+    """Serves a tracker.
 
     Args:
         requests: For requests, images and replies.
@@ -59,19 +59,20 @@ def serve(requests: socket.socket, settings: dict[str, Any], end_others: Callabl
             memory limit `memory_mb`, for messages.
         end_others: Ends the processes that an episode has left running.
     """
-    server = _Server(requests, settings, end_others)
-    while True:
-        server.run_episode()
 
-
-class _Server:
     def __init__(self, requests: socket.socket, settings: dict[str, Any], end_others: Callable[[], None]) -> None:
-        self._requests, self._settings, self._end_others = requests, settings, end_others
+        self._connection = requests.makefile("rwb")
+        self._settings, self._end_others = settings, end_others
         self._opened = OpenedFiles()
         self._tracker: Tracker | None = None
         self._way: Literal["reset", "fork", "once"] | None = None
 
-    def run_episode(self) -> None:
+    def run(self) -> NoReturn:
+        """Serve until the parent closes the connection."""
+        while True:
+            self._run_episode()
+
+    def _run_episode(self) -> None:
         """Serve one episode; returns when this process can serve another."""
         if self._way is None and not self._answer(self._load):
             while True:
@@ -116,9 +117,9 @@ class _Server:
             self._way = "fork" if _can_fork() else "once"
 
     def _begin(self, seed: int) -> dict[str, Any]:
-        if isinstance(self._tracker, _Resettable):
+        if self._way == "reset":
             _seed_generators(seed)
-            self._tracker.reset(seed=seed)
+            cast("Any", self._tracker).reset(seed=seed)
         else:
             self._tracker = self._make(seed)
         self._opened.take()
@@ -129,7 +130,7 @@ class _Server:
             "needs_detections": isinstance(self._tracker, trackers.NeedsDetections),
         }
 
-    def _call(self, request: dict[str, Any], pixels: bytearray) -> dict[str, Any]:
+    def _call(self, request: dict[str, Any], pixels: bytes) -> dict[str, Any]:
         """Call `init` or `update` and return the reply, with the time taken [ms]."""
         tracker = self._tracker
         assert tracker is not None
@@ -141,16 +142,13 @@ class _Server:
         if isinstance(tracker, trackers.NeedsDetections) and "detections" in request:
             boxes, scores, age_s = request["detections"]
             tracker.receive_detections(Detections(np.array(boxes).reshape(-1, 4), np.array(scores, float), age_s))
+        first = request["command"] == "init"
         start_s = time.perf_counter()
-        if request["command"] == "init":
-            output = tracker.init(image, np.array(request["box"]))
-        else:
-            output = tracker.update(image)
+        output = tracker.init(image, np.array(request["box"])) if first else tracker.update(image)
         reply: dict[str, Any] = {"ms": (time.perf_counter() - start_s) * 1e3}
-        if request["command"] == "init":
-            check_unmodified(image, original)
-        else:
-            estimate = checked_estimate(output, image, original)
+        check_unmodified(image, original)
+        if not first:
+            estimate = as_estimate(output)
             particles = None if estimate.particles is None else estimate.particles[:MAX_PARTICLES].tolist()
             reply |= {"box": estimate.box.tolist(), "confidence": estimate.confidence, "occluded": estimate.occluded}
             reply |= {"particles": particles}
@@ -158,24 +156,17 @@ class _Server:
             reply["tracks"] = np.column_stack([tracker.tracks.identities, tracker.tracks.boxes]).tolist()
         return reply
 
-    def _read(self) -> tuple[dict[str, Any], bytearray]:
+    def _read(self) -> tuple[dict[str, Any], bytes]:
         request: dict[str, Any] = json.loads(self._read_message())
-        return request, self._read_message() if "shape" in request else bytearray()
+        return request, self._read_message() if "shape" in request else b""
 
-    def _read_message(self) -> bytearray:
-        (length,) = LENGTH.unpack(self._read_bytes(LENGTH.size))
-        return self._read_bytes(length)
-
-    def _read_bytes(self, count: int) -> bytearray:
-        content = bytearray()
-        while len(content) < count:
-            with contextlib.suppress(OSError):
-                if part := self._requests.recv(count - len(content)):
-                    content += part
-                    continue
-            # The parent is gone: exit without waiting for threads or exit handlers of the tracker.
-            os._exit(0)
-        return content
+    def _read_message(self) -> bytes:
+        with contextlib.suppress(OSError, struct.error):
+            (length,) = LENGTH.unpack(self._connection.read(LENGTH.size))
+            if len(message := self._connection.read(length)) == length:
+                return message
+        # The parent is gone: exit without waiting for threads or exit handlers of the tracker.
+        os._exit(0)
 
     def _answer(self, work: Callable[[], dict[str, Any] | None]) -> bool:
         """Send what work returns, if anything, or its fault; whether it succeeded."""
@@ -195,7 +186,8 @@ class _Server:
             reply["opened"] = opened
         message = json.dumps(reply).encode()
         try:
-            self._requests.sendall(LENGTH.pack(len(message)) + message)
+            self._connection.write(LENGTH.pack(len(message)) + message)
+            self._connection.flush()
         except OSError:
             os._exit(0)
 
@@ -209,16 +201,11 @@ def _seed_generators(seed: int) -> None:
         torch.manual_seed(seed % 2**63)
 
 
-@runtime_checkable
-class _Resettable(Protocol):
-    def reset(self, *, seed: int) -> None: ...
-
-
-def _has_reset(tracker: Tracker) -> bool:
+def _has_reset(tracker: Any) -> bool:
     """Whether a tracker has a method `reset(seed)`; one without a parameter of this name is something else."""
     try:
-        return isinstance(tracker, _Resettable) and "seed" in inspect.signature(tracker.reset).parameters
-    except (TypeError, ValueError):
+        return "seed" in inspect.signature(tracker.reset).parameters
+    except (AttributeError, TypeError, ValueError):
         return False
 
 

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from pftrack_sim.core.memory import data_segment_kb, sum_kb
-from pftrack_sim.trackers.isolation.child import serve
+from pftrack_sim.trackers.isolation.child import Server
 
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 _WATCH_PERIOD_S = 0.1
@@ -37,7 +37,7 @@ def supervise(settings: dict[str, Any]) -> NoReturn:
 
     Args:
         settings: Descriptors of the sockets `requests` and `life`, `memory_mb` and `processes` of `Limits`, and what
-            the tracker is made of, see `child.serve`.
+            the tracker is made of, see `child.Server`.
     """
     for stream in (sys.stdout, sys.stderr):
         # Printed lines are written at once: a process that is killed loses what is in its buffers.
@@ -56,7 +56,7 @@ def supervise(settings: dict[str, Any]) -> NoReturn:
         # What an episode leaves behind becomes a child of the process that is kept, which kills it.
         _prctl(_PR_SET_CHILD_SUBREAPER, 1)
         _limit(settings["memory_mb"])
-        serve(requests, settings, lambda: end_descendants(contained=contained))
+        Server(requests, settings, lambda: end_descendants(contained=contained)).run()
     requests.close()
     how = _watch(life, tracker, settings["memory_mb"], settings["processes"])
     with contextlib.suppress(OSError):
