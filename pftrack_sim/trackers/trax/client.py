@@ -151,22 +151,6 @@ def _is_number(text: str) -> bool:
         return False
 
 
-def encode_raw(image: Image) -> str:
-    """`(H, W, 3)` uint8 RGB as an image of the kind `memory`."""
-    height, width = image.shape[:2]
-    return f"image:{width};{height};rgb;{base64.b64encode(np.ascontiguousarray(image).data).decode()}"
-
-
-def encode_buffer(image: Image) -> str:
-    """`(H, W, 3)` uint8 RGB as an image of the kind `buffer`, losslessly."""
-    return f"data:image/png;{base64.b64encode(encode(image, *_PNG)).decode()}"
-
-
-def encode_path(path: Path) -> str:
-    """An image of the kind `path`."""
-    return f"file://{path.absolute()}"
-
-
 HELLO_S = 100.0
 """Time for the greeting, imports and model files included; below that for making an isolated tracker."""
 
@@ -223,12 +207,12 @@ class TraxTracker(BaseTracker):
     def __init__(self, command: list[str], *, properties: Mapping[str, str], hello_s: float = HELLO_S) -> None:
         super().__init__()
         self._command, self._properties, self._hello_s = command, dict(properties), hello_s
-        self._session: _Session | None = _Session(command, hello_s)
+        self._session = _Session(command, hello_s)
         self._fresh = True
         self._box: Box
 
     def _start(self, image: Image, box: Box) -> None:
-        if not self._fresh and self._session is not None:
+        if not self._fresh:
             self._session.close()
             self._session = _Session(self._command, self._hello_s)
         self._fresh, self._box = False, box
@@ -250,7 +234,6 @@ class TraxTracker(BaseTracker):
 
     def _ask(self, image: Image, box: Box | None = None) -> Message:
         """Send an image, with a box to start on, and return the tracker's state."""
-        assert self._session is not None
         session = self._session
         with _sent(image, session.image_formats) as sent:
             properties = self._properties if box is not None else {}
@@ -344,17 +327,18 @@ def _listed(hello: Message, key: str, default: str) -> list[str]:
 
 @contextlib.contextmanager
 def _sent(image: Image, formats: list[str]) -> Generator[str]:
-    """An image as the first kind that the tracker takes; a file exists until the tracker has answered."""
+    """A contiguous image as the first kind that the tracker takes; a file exists until the tracker has answered."""
     if "memory" in formats:
-        yield encode_raw(image)
+        height, width = image.shape[:2]
+        yield f"image:{width};{height};rgb;{base64.b64encode(image.data).decode()}"
     elif "buffer" in formats or "data" in formats:
-        yield encode_buffer(image)
+        yield f"data:image/png;{base64.b64encode(encode(image, *_PNG)).decode()}"
     elif "path" in formats:
         try:
             with tempfile.TemporaryDirectory(prefix="pftrack-sim-") as folder:
-                path = Path(folder) / "image.png"
+                path = Path(folder).absolute() / "image.png"
                 path.write_bytes(encode(image, *_PNG))
-                yield encode_path(path)
+                yield f"file://{path}"
         except OSError as error:
             raise TrackerError(f"no image can be written for the tracker: {error.strerror}") from None
     else:
