@@ -36,7 +36,7 @@ from pftrack_sim.score.curves import success_rate
 from pftrack_sim.score.frames import counted_frames, frame_scores
 from pftrack_sim.trackers.features.pixel_codes import hsv_codes, rgb_codes
 from pftrack_sim.trackers.filters import ParticleFilter
-from pftrack_sim.trackers.papers.ko2012 import Ko2012, Ko2012Parameters, Mixture
+from pftrack_sim.trackers.papers.ko2012 import Ko2012, Ko2012Parameters
 from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012, Lee2012Parameters
 from pftrack_sim.truth.silhouettes import Silhouette
 
@@ -190,16 +190,17 @@ def learning(seed: int) -> plt.Figure:
 
 
 class Weighed(Ko2012):
-    """`ko2012` that keeps what it observed and its particles."""
+    """`ko2012` that keeps the log-likelihoods of its particles."""
 
-    def _observe(self, image: Any, near: NDArray[np.float64]) -> Mixture:
-        self.particles, self.observed = near[:-1], super()._observe(image, near)
-        return self.observed
+    def log_likelihood(self, seen: Any, wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+        """As it weighs the particles."""
+        self.weights = super().log_likelihood(seen, wanted)
+        return self.weights
 
     def effective_share(self) -> float:
         """Effective sample size over the number of particles, in the last frame."""
-        weighed = ParticleFilter(self.particles, np.random.default_rng(0))
-        weighed.weigh(self.observed.log_likelihood(self.particles))
+        weighed = ParticleFilter(np.zeros((len(self.weights), 1)), np.random.default_rng(0))
+        weighed.weigh(self.weights)
         return weighed.effective_share
 
 

@@ -70,7 +70,7 @@ def yang2005(seed: int) -> plt.Figure:
     assert isinstance(tracker, Yang2005)
     particles, last = found[-1].particles, found[-1].box
     assert particles is not None
-    total, observed = tracker._observe(episode[-1][0], particles).survivors(particles)
+    total, observed = tracker.survivors(tracker.observe(episode[-1][0], particles), particles)
     figure, axes = plt.subplots(1, len(STAGES), figsize=(11.0, 3.2), layout="constrained")
     centres = particles[:, :2] + 0.5 * particles[:, 2:] - 0.5
     for index, (axis, stage) in enumerate(zip(axes, STAGES, strict=True)):
@@ -111,15 +111,15 @@ def islam2009(seed: int) -> plt.Figure:
     assert isinstance(tracker, Islam2009)
     image, last = episode[-1][0], found[-1].box
     near = last + np.array([-last[2], -0.5 * last[3], 2.0 * last[2], last[3]])
-    observation = tracker._observe(image, near[None])
+    seen = tracker.observe(image, near[None])
     aside = last + np.array([0.6 * last[2], 0.0, 0.0, 0.0])
     figure, axes = plt.subplots(1, 5, figsize=(11.0, 3.2), layout="constrained", width_ratios=(2, 2, 1, 1, 1))
     show(axes[0], image, last, "frame")
     outline(axes[0], aside, "tab:red")
-    axes[1].imshow(observation.seen.distances, cmap="gray")
+    axes[1].imshow(seen.distances, cmap="gray")
     axes[1].set_title("distance to edges")
     for axis, box, colour in ((axes[3], last, "estimate"), (axes[4], aside, "aside (red)")):
-        patch = observation.seen.shapes(box[None])[0]
+        patch = seen.shapes(box[None])[0]
         axis.imshow(patch.reshape(SHAPE), cmap="gray")
         axis.set_title(f"{colour}\ncorrelation {patch @ tracker.template.shape / patch.size:.2f}")
     axes[2].imshow(tracker.template.shape.reshape(SHAPE), cmap="gray")
@@ -152,7 +152,8 @@ def klein2010(seed: int) -> plt.Figure:
     shifts = np.linspace(-0.75, 0.75, 31)
     moved = last + np.stack([*np.meshgrid(shifts, shifts), *np.zeros((2, 31, 31))], axis=-1) * np.tile(last[2:], 2)
     moved = moved.reshape(-1, 4)
-    confidences = tracker._observe(image, np.concatenate([moved, last[None]])).confidences(moved).reshape(31, 31)
+    seen = tracker.observe(image, np.concatenate([moved, last[None]]))
+    confidences = tracker.confidences(seen, moved).reshape(31, 31)
     drawn = axes[3].contourf(shifts, shifts, confidences, levels=np.linspace(-1, 1, 21), cmap="RdBu_r")
     axes[3].set(title="confidence of a shifted box", xlabel="shift [widths]", ylabel="shift [heights]")
     axes[3].invert_yaxis()

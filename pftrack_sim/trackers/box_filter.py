@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, Generic, Literal, Protocol, TypeAlias, TypeVar
+from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -106,24 +106,12 @@ class BoxFilterParameters(WalkParameters):
     camera_motion: bool = False
 
 
-class Observation(Protocol):
-    """What one frame shows in boxes near the particles."""
-
-    def log_likelihood(self, particles: FloatArray) -> FloatArray:
-        """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px]; -inf for impossible ones."""
-        ...
-
-    def similarity(self, box: Box) -> float:
-        """Similarity in [0, 1] of a `(4,)` box [px] with the target."""
-        ...
-
-
 ParametersT = TypeVar("ParametersT", bound=BoxFilterParameters)
-ObservationT = TypeVar("ObservationT", bound=Observation)
+SeenT = TypeVar("SeenT")
 
 
-class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, ObservationT]):
-    """The filter without its observation."""
+class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, SeenT]):
+    """The filter without its likelihood."""
 
     def _start(self, image: Image, box: Box) -> None:
         self._start_particles(state_of(box))
@@ -141,11 +129,11 @@ class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, Observatio
         # The next estimate lies among the particles, or is the previous one.
         near = boxes.from_states(np.concatenate([particle_filter.states, self._state[None]]))
         particles = near[:-1]
-        observation = self._observe(image, near)
-        particle_filter.weigh(observation.log_likelihood(particles))
+        seen = self.observe(image, near)
+        particle_filter.weigh(self.log_likelihood(seen, particles))
         state = particle_filter.mean(p.top_count)
         box = _box(state)
-        similarity = observation.similarity(box)
+        similarity = self.similarity(seen, box)
         self._held = held = self._is_jump(state) or similarity < p.hold_below * self._usual
         rate = HELD_RATE if held else USUAL_RATE
         self._usual += (rate if self._usual else 1.0) * (similarity - self._usual)
@@ -158,9 +146,9 @@ class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, Observatio
             particle_filter.resample()
         if held:
             box = _box(self._state)
-            similarity = observation.similarity(box)
+            similarity = self.similarity(seen, box)
         else:
-            self._learn(image, observation, box)
+            self._learn(seen, box)
         return Estimate(box, similarity, held, particles if p.particles else None)
 
     def _moves_to(self, box: Box) -> bool:
@@ -197,10 +185,18 @@ class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, Observatio
         """Learn the target from the first frame, in a `(4,)` box [px]; resets the model."""
 
     @abstractmethod
-    def _observe(self, image: Image, near: FloatArray) -> ObservationT:
-        """Observe a frame where boxes later asked for lie in the hull of `(N, 4)` boxes [px]."""
+    def observe(self, image: Image, near: FloatArray) -> SeenT:
+        """What a frame shows where boxes later asked for lie in the hull of `(N, 4)` boxes [px]."""
 
-    def _learn(self, image: Image, observation: ObservationT, box: Box) -> None:
+    @abstractmethod
+    def log_likelihood(self, seen: SeenT, wanted: FloatArray) -> FloatArray:
+        """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px]; -inf for impossible ones."""
+
+    @abstractmethod
+    def similarity(self, seen: SeenT, box: Box) -> float:
+        """Similarity in [0, 1] of a `(4,)` box [px] with the target."""
+
+    def _learn(self, seen: SeenT, box: Box) -> None:
         """Learn from the estimated `(4,)` box [px] of a frame; not called while the previous state is kept."""
 
 

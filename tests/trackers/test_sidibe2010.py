@@ -19,7 +19,7 @@ def test_the_saliency_of_the_first_box_is_matched_there_and_less_beside(scene: S
     tracker = made(lambda_colour=0)
     tracker.init(images[0], truth[0])
     shifted = truth[0] + np.array([[0.0, 0, 0, 0], [8, 0, 0, 0], [0, -10, 0, 0], [-10, -10, 0, 0]])
-    similarity = tracker._observe(images[0], shifted).similarities(shifted)[1]
+    similarity = tracker.similarities(tracker.observe(images[0], shifted), shifted)[1]
     assert similarity[0] == pytest.approx(1.0, abs=1e-9)
     assert (similarity[1:] < 0.98).all()
 
@@ -31,10 +31,10 @@ def test_saliency_distinguishes_a_target_from_a_patch_of_its_colours():
     image[:, 100:] = (120, 120, 120)
     for x in range(100, 200, 30):
         image[:, x : x + 20] = (200, 60, 60)
-    target, other = np.array([30.0, 40, 20, 40]), np.array([130.0, 40, 20, 40])
+    both = np.array([[30.0, 40, 20, 40], [130.0, 40, 20, 40]])
     tracker = made()
-    tracker.init(image, target)
-    colour, saliency = tracker._observe(image, np.array([target, other])).similarities(np.array([target, other]))
+    tracker.init(image, both[0])
+    colour, saliency = tracker.similarities(tracker.observe(image, both), both)
     assert np.allclose(colour, 1.0, rtol=0, atol=1e-9)
     assert saliency[0] - saliency[1] > 0.02
 

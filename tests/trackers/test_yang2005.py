@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim import trackers
-from pftrack_sim.trackers.relatives.yang2005 import STAGES, Cascade, Yang2005, orientation_channels
+from pftrack_sim.trackers.relatives.yang2005 import STAGES, CascadeRegion, Yang2005, orientation_channels
 from tests.trackers.following import Scene, follow
 
 ALL = {"keep_colour": 1.0, "keep_orientation": 1.0, "keep_haar": 1.0}
@@ -17,12 +17,18 @@ ALL = {"keep_colour": 1.0, "keep_orientation": 1.0, "keep_haar": 1.0}
 run = partial(follow, "yang2005")
 
 
-def cascade(scene: Scene, particles: np.ndarray, **given: Any) -> Cascade:
+def cascade(scene: Scene, particles: np.ndarray, **given: Any) -> tuple[Yang2005, CascadeRegion]:
+    """A tracker of the first box, and what it sees in the second frame."""
     images, truth = scene
     tracker = trackers.make("yang2005", **given)
     assert isinstance(tracker, Yang2005)
     tracker.init(images[0], truth[0])
-    return tracker._observe(images[1], np.concatenate([particles, truth[1:2]]))
+    return tracker, tracker.observe(images[1], np.concatenate([particles, truth[1:2]]))
+
+
+def log_likelihood(scene: Scene, particles: np.ndarray, **given: Any) -> np.ndarray:
+    tracker, seen = cascade(scene, particles, **given)
+    return tracker.log_likelihood(seen, particles)
 
 
 def spread(box: np.ndarray, count: int) -> np.ndarray:
@@ -33,7 +39,8 @@ def spread(box: np.ndarray, count: int) -> np.ndarray:
 def test_every_stage_sees_the_share_that_the_one_before_left(scene: Scene):
     particles = spread(scene[1][1], 200)
     kept = {"keep_colour": 0.4, "keep_orientation": 0.5, "keep_haar": 0.25}
-    total, observed = cascade(scene, particles, **kept).survivors(particles)
+    tracker, seen = cascade(scene, particles, **kept)
+    total, observed = tracker.survivors(seen, particles)
     assert [len(observed[stage]) for stage in STAGES] == [200, 80, 40, 10]
     assert np.isfinite(total).sum() == 10
     for before, after in pairwise(STAGES):
@@ -42,8 +49,8 @@ def test_every_stage_sees_the_share_that_the_one_before_left(scene: Scene):
 
 def test_survivors_have_the_likelihood_that_they_have_without_a_cascade(scene: Scene):
     particles = spread(scene[1][1], 120)
-    pruned = cascade(scene, particles).log_likelihood(particles)
-    full = cascade(scene, particles, **ALL).log_likelihood(particles)
+    pruned = log_likelihood(scene, particles)
+    full = log_likelihood(scene, particles, **ALL)
     alive = np.isfinite(pruned)
     assert np.allclose(pruned[alive], full[alive], rtol=0, atol=1e-9)
     assert full[alive].mean() > full[~alive].mean()
@@ -52,15 +59,16 @@ def test_survivors_have_the_likelihood_that_they_have_without_a_cascade(scene: S
 def test_one_particle_survives_the_smallest_shares(scene: Scene):
     particles = spread(scene[1][1], 3)
     least = {"keep_colour": 0.01, "keep_orientation": 0.01, "keep_haar": 0.01}
-    assert np.isfinite(cascade(scene, particles, **least).log_likelihood(particles)).sum() == 1
+    assert np.isfinite(log_likelihood(scene, particles, **least)).sum() == 1
 
 
 def test_the_true_box_is_more_similar_than_its_neighbours(scene: Scene):
     truth = scene[1][1]
-    seen = cascade(scene, spread(truth, 5))
-    assert seen.similarity(truth) > 0.95
+    tracker, seen = cascade(scene, spread(truth, 5))
+    own = tracker.similarity(seen, truth)
+    assert own > 0.95
     for shift in ([6, 0, 0, 0], [0, 8, 0, 0], [0, 0, 10, 0], [0, 0, 0, -12]):
-        assert seen.similarity(truth + shift) < 0.8 * seen.similarity(truth)
+        assert tracker.similarity(seen, truth + shift) < 0.8 * own
 
 
 def ramp(direction_deg: float) -> np.ndarray:

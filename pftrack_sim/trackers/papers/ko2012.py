@@ -10,7 +10,6 @@ the same filter with one histogram.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
@@ -81,24 +80,6 @@ METHODS: Mapping[str, Mapping[Literal["colour", "texture"], Feature]] = {
 """Histograms of the methods (1) to (5) of table 2, in its order. Bins of (1) and (2) are not printed: as in (5)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Mixture:
-    """A frame's histograms, compared as (9) says."""
-
-    encoded: EncodedRegion
-    shares: FloatArray
-    form: LikelihoodForm
-    lambdas: FloatArray
-
-    def log_likelihood(self, particles: FloatArray) -> FloatArray:
-        """`(N,)` logarithms of (9) for `(N, 4)` boxes [px]."""
-        return log_mixture(self.encoded.similarities(particles), self.shares, self.form, self.lambdas)
-
-    def similarity(self, box: Box) -> float:
-        """Similarity of a `(4,)` box [px] with the model, in [0, 1]: (9) in the form `"linear"`."""
-        return min(float(self.shares @ self.encoded.similarities(box[None])[:, 0]), 1.0)
-
-
 def log_mixture(similarities: FloatArray, shares: FloatArray, form: LikelihoodForm, lambdas: FloatArray) -> FloatArray:
     """`(N,)` logarithms of a linear mixture of one likelihood per feature (9); -inf where all similarities are 0.
 
@@ -113,7 +94,7 @@ def log_mixture(similarities: FloatArray, shares: FloatArray, form: LikelihoodFo
         return np.log(shares @ likelihoods)
 
 
-class Ko2012(BoxFilterTracker[Ko2012Parameters, Mixture]):
+class Ko2012(BoxFilterTracker[Ko2012Parameters, EncodedRegion]):
     """One of `METHODS`; it draws from the stream `"tracker"` of the root seed."""
 
     def __init__(self, name: str, params: Ko2012Parameters, seed: int) -> None:
@@ -128,8 +109,17 @@ class Ko2012(BoxFilterTracker[Ko2012Parameters, Mixture]):
     def _learn_first(self, image: Image, box: Box) -> None:
         self._model = HistogramModel(self.features, image, box)
 
-    def _observe(self, image: Image, near: FloatArray) -> Mixture:
-        return Mixture(self._model.encode(image, near), self._shares, self.params.likelihood, self._lambdas)
+    def observe(self, image: Image, near: FloatArray) -> EncodedRegion:
+        """The histograms of a frame."""
+        return self._model.encode(image, near)
+
+    def log_likelihood(self, seen: EncodedRegion, wanted: FloatArray) -> FloatArray:
+        """`(N,)` logarithms of (9) for `(N, 4)` boxes [px]."""
+        return log_mixture(seen.similarities(wanted), self._shares, self.params.likelihood, self._lambdas)
+
+    def similarity(self, seen: EncodedRegion, box: Box) -> float:
+        """Similarity of a `(4,)` box [px] with the model, in [0, 1]: (9) in the form `"linear"`."""
+        return min(float(self._shares @ seen.similarities(box[None])[:, 0]), 1.0)
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Ko2012:

@@ -98,30 +98,6 @@ class EdgeRegion:
         return Template(self.shapes(box[None])[0], histogram(self.codes, self.region.to_region(box[None])[0], _LAYOUT))
 
 
-@dataclass(frozen=True, eq=False)
-class ShapeAndColour:
-    """Comparison of a frame's boxes with the template."""
-
-    seen: EdgeRegion
-    template: Template
-    params: Islam2009Parameters
-
-    def similarities(self, wanted: FloatArray) -> FloatArray:
-        """`(N,)` mixtures, in [0, 1], of the correlation of shapes, 0 where negative, and the similarity of colours."""
-        share = self.params.colour_share
-        correlation = self.seen.shapes(wanted) @ self.template.shape / math.prod(SHAPE)
-        colour = similarities(self.seen.codes, self.seen.region.to_region(wanted), _LAYOUT, self.template.colour)
-        return (1.0 - share) * np.clip(correlation, 0.0, 1.0) + share * colour
-
-    def log_likelihood(self, particles: FloatArray) -> FloatArray:
-        """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px]."""
-        return self.params.sharpness * (self.similarities(particles) - 1.0)
-
-    def similarity(self, box: Box) -> float:
-        """Similarity of a `(4,)` box [px], in [0, 1]."""
-        return min(float(self.similarities(box[None])[0]), 1.0)
-
-
 def edge_distances(image: Image, thresholds: tuple[float, float], cap_px: float) -> NDArray[np.uint8]:
     """`(H, W)` distance of every pixel to the nearest edge, 0 on edges and 255 from `cap_px` on.
 
@@ -134,23 +110,34 @@ def edge_distances(image: Image, thresholds: tuple[float, float], cap_px: float)
     return np.asarray(cv2.convertScaleAbs(np.minimum(distances, cap_px), alpha=255.0 / cap_px), dtype=np.uint8)
 
 
-class Islam2009(BoxFilterTracker[Islam2009Parameters, ShapeAndColour]):
+class Islam2009(BoxFilterTracker[Islam2009Parameters, EdgeRegion]):
     """Tracker by shape, and by colour if it has a share."""
 
     def _learn_first(self, image: Image, box: Box) -> None:
         self._first_size = np.array(box[2:])
-        self.template = self._encode(image, box[None]).template(box)
+        self.template = self.observe(image, box[None]).template(box)
 
-    def _observe(self, image: Image, near: FloatArray) -> ShapeAndColour:
-        return ShapeAndColour(self._encode(image, near), self.template, self.params)
-
-    def _encode(self, image: Image, near: FloatArray) -> EdgeRegion:
-        """Blocks are about the points of the template's grid, so that edges are those of the target at one size."""
+    def observe(self, image: Image, near: FloatArray) -> EdgeRegion:
+        """Edges and colours, in blocks of about the points of the template's grid, so that edges have one size."""
         p = self.params
-        block = block_size(self._first_size, self._state[2:4], (SHAPE[1], SHAPE[0]))
-        region = block_means(image, near, block)
+        region = block_means(image, near, block_size(self._first_size, self._state[2:4], (SHAPE[1], SHAPE[0])))
         distances = edge_distances(region.pixels, (p.edge_low, p.edge_high), p.cap_share * min(SHAPE))
         return EdgeRegion(region, distances, hsv_joint_codes(region.pixels))
+
+    def log_likelihood(self, seen: EdgeRegion, wanted: FloatArray) -> FloatArray:
+        """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px]."""
+        return self.params.sharpness * (self.similarities(seen, wanted) - 1.0)
+
+    def similarity(self, seen: EdgeRegion, box: Box) -> float:
+        """Similarity of a `(4,)` box [px], in [0, 1]."""
+        return min(float(self.similarities(seen, box[None])[0]), 1.0)
+
+    def similarities(self, seen: EdgeRegion, wanted: FloatArray) -> FloatArray:
+        """`(N,)` mixtures, in [0, 1], of the correlation of shapes, 0 where negative, and the similarity of colours."""
+        share = self.params.colour_share
+        correlation = seen.shapes(wanted) @ self.template.shape / math.prod(SHAPE)
+        colour = similarities(seen.codes, seen.region.to_region(wanted), _LAYOUT, self.template.colour)
+        return (1.0 - share) * np.clip(correlation, 0.0, 1.0) + share * colour
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Islam2009:

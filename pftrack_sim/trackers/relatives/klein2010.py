@@ -175,32 +175,10 @@ Measure: TypeAlias = Callable[[FloatArray, NDArray[np.intp] | None], FloatArray]
 """`(N, T)` values of the `(T,)` chosen features, or of all, in `(N, 4)` boxes [px] of one image."""
 
 
-@dataclass(frozen=True, eq=False)
-class FrameFeatures:
-    """The features of one image, and the classifier of the frames before."""
-
-    measure: Measure
-    classifier: StrongClassifier
-    sharpness: float
-    soft: bool
-
-    def confidences(self, boxes: FloatArray) -> FloatArray:
-        """`(N,)` confidence in [-1, 1] of `(N, 4)` boxes [px]."""
-        return self.classifier.score(self.measure(boxes, self.classifier.chosen), soft=self.soft)
-
-    def log_likelihood(self, particles: FloatArray) -> FloatArray:
-        """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px]."""
-        return self.sharpness * self.confidences(particles)
-
-    def similarity(self, box: Box) -> float:
-        """Confidence of a `(4,)` box [px] in [0, 1]."""
-        return min(max(0.5 + 0.5 * float(self.confidences(box[None])[0]), 0.0), 1.0)
-
-
 BoostedT = TypeVar("BoostedT", bound=BoostedParameters)
 
 
-class BoostedTracker(BoxFilterTracker[BoostedT, FrameFeatures]):
+class BoostedTracker(BoxFilterTracker[BoostedT, Measure]):
     """A particle filter on the confidence of a classifier that is trained every frame, on any features.
 
     It draws from the stream `"tracker"` of the root seed.
@@ -219,13 +197,25 @@ class BoostedTracker(BoxFilterTracker[BoostedT, FrameFeatures]):
         """The features of an image where boxes lie in the hull of `(N, 4)` boxes [px], the last of the usual size."""
 
     def _learn_first(self, image: Image, box: Box) -> None:
-        self._first = self._measure(image, self._with_surround(box[None]))(self._samples(box), None)
+        self._first = self.observe(image, box[None])(self._samples(box), None)
         self._past: deque[FloatArray] = deque(maxlen=self.params.memory)
         self.classifier = train(self._first, self._positive, np.ones(len(self._first)), self.params.rounds)
 
-    def _observe(self, image: Image, near: FloatArray) -> FrameFeatures:
-        measure = self._measure(image, self._with_surround(near))
-        return FrameFeatures(measure, self.classifier, self.params.sharpness, self.params.soft)
+    def observe(self, image: Image, near: FloatArray) -> Measure:
+        """The features of a frame."""
+        return self._measure(image, self._with_surround(near))
+
+    def confidences(self, seen: Measure, wanted: FloatArray) -> FloatArray:
+        """`(N,)` confidence in [-1, 1] of `(N, 4)` boxes [px], of the classifier of the frames before."""
+        return self.classifier.score(seen(wanted, self.classifier.chosen), soft=self.params.soft)
+
+    def log_likelihood(self, seen: Measure, wanted: FloatArray) -> FloatArray:
+        """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px]."""
+        return self.params.sharpness * self.confidences(seen, wanted)
+
+    def similarity(self, seen: Measure, box: Box) -> float:
+        """Confidence of a `(4,)` box [px] in [0, 1]."""
+        return min(max(0.5 + 0.5 * float(self.confidences(seen, box[None])[0]), 0.0), 1.0)
 
     def _with_surround(self, near: FloatArray) -> FloatArray:
         """`(2, 4)` the hull of `(N, 4)` boxes [px] and of the samples around them, and the last box."""
@@ -233,11 +223,11 @@ class BoostedTracker(BoxFilterTracker[BoostedT, FrameFeatures]):
         low, high = near[:, :2].min(axis=0) - reach, (near[:, :2] + near[:, 2:]).max(axis=0) + reach
         return np.stack([np.concatenate([low, high - low]), near[-1]])
 
-    def _learn(self, image: Image, observation: FrameFeatures, box: Box) -> None:
+    def _learn(self, seen: Measure, box: Box) -> None:
         p = self.params
-        if observation.similarity(box) < p.learn_above:
+        if self.similarity(seen, box) < p.learn_above:
             return
-        present = observation.measure(self._samples(box), None)
+        present = seen(self._samples(box), None)
         self._past.append(present[0])
         past = np.array(self._past).reshape(-1, present.shape[1])
         values = np.concatenate([self._first, present, past])

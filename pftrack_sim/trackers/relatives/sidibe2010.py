@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 import cv2
 import numpy as np
@@ -150,32 +150,15 @@ class SaliencyMap:
         return np.divide(means, totals, out=np.zeros_like(means), where=totals > 0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class ColourAndSaliency:
-    """A frame's colours and saliency, compared with those of the first frame."""
-
-    colours: EncodedRegion
-    saliency: SaliencyMap
-    root_model: FloatArray
-    lambdas: tuple[float, float]
-
-    def similarities(self, boxes: FloatArray) -> FloatArray:
-        """`(2, N)` Bhattacharyya similarities of colour and of saliency."""
-        saliency = np.minimum(np.sqrt(self.saliency.distributions(boxes)) @ self.root_model, 1.0)
-        return np.stack([self.colours.similarities(boxes)[0], saliency])
-
-    def log_likelihood(self, particles: FloatArray) -> FloatArray:
-        """`(N,)` logarithms of the product of the likelihoods exp(-lambda d^2) of both."""
-        return np.array(self.lambdas) @ (self.similarities(particles) - 1.0)
-
-    def similarity(self, box: Box) -> float:
-        """Mean of both similarities, weighted by their lambdas."""
-        weights = np.array(self.lambdas) if any(self.lambdas) else np.ones(2)
-        return min(float(weights @ self.similarities(box[None])[:, 0] / weights.sum()), 1.0)
+ColourAndSaliency: TypeAlias = tuple[EncodedRegion, SaliencyMap]
 
 
 class Sidibe2010(BoxFilterTracker[Sidibe2010Parameters, ColourAndSaliency]):
     """The tracker; it draws from the stream `"tracker"` of the root seed."""
+
+    def __init__(self, params: Sidibe2010Parameters, seed: int) -> None:
+        super().__init__(params, seed)
+        self._lambdas = np.array([params.lambda_colour, params.lambda_saliency])
 
     def _learn_first(self, image: Image, box: Box) -> None:
         p = self.params
@@ -198,9 +181,24 @@ class Sidibe2010(BoxFilterTracker[Sidibe2010Parameters, ColourAndSaliency]):
         scale = np.tile([self._size[0] / width, self._size[1] / height], 2)
         return SaliencyMap(integral_image(found), scale, self._rectangles)
 
-    def _observe(self, image: Image, near: FloatArray) -> ColourAndSaliency:
-        lambdas = (self.params.lambda_colour, self.params.lambda_saliency)
-        return ColourAndSaliency(self._colours.encode(image, near), self.saliency(image), self._root_model, lambdas)
+    def observe(self, image: Image, near: FloatArray) -> ColourAndSaliency:
+        """Colours and saliency of a frame."""
+        return self._colours.encode(image, near), self.saliency(image)
+
+    def similarities(self, seen: ColourAndSaliency, wanted: FloatArray) -> FloatArray:
+        """`(2, N)` Bhattacharyya similarities of colour and of saliency of `(N, 4)` boxes [px]."""
+        colours, saliency = seen
+        salient = np.minimum(np.sqrt(saliency.distributions(wanted)) @ self._root_model, 1.0)
+        return np.stack([colours.similarities(wanted)[0], salient])
+
+    def log_likelihood(self, seen: ColourAndSaliency, wanted: FloatArray) -> FloatArray:
+        """`(N,)` logarithms of the product of the likelihoods exp(-lambda d^2) of both."""
+        return self._lambdas @ (self.similarities(seen, wanted) - 1.0)
+
+    def similarity(self, seen: ColourAndSaliency, box: Box) -> float:
+        """Mean of both similarities, weighted by their lambdas."""
+        weights = self._lambdas if self._lambdas.any() else np.ones(2)
+        return min(float(weights @ self.similarities(seen, box[None])[:, 0] / weights.sum()), 1.0)
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Sidibe2010:

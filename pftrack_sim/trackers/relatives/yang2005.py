@@ -9,7 +9,6 @@ SIFT for the last (as Ko et al. 2012, section I and table 1, describe the method
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
@@ -147,53 +146,6 @@ def distances(stage: str, features: FloatArray, model: FloatArray) -> FloatArray
     return 0.5 * np.sqrt(squares.sum(axis=1)) if stage == "sift" else np.sqrt(squares.mean(axis=1))
 
 
-@dataclass(frozen=True, eq=False)
-class Cascade:
-    """One frame, compared with the target from coarse to fine.
-
-    Attributes:
-        seen: Features of the frame.
-        model: Features of the target, `(F,)` for each stage.
-        sigmas: Width of each stage's likelihood.
-        kept: Share of the particles that each stage leaves.
-    """
-
-    seen: CascadeRegion
-    model: Mapping[str, FloatArray]
-    sigmas: Mapping[str, float]
-    kept: Mapping[str, float]
-
-    def survivors(self, particles: FloatArray) -> tuple[FloatArray, dict[str, NDArray[np.intp]]]:
-        """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px], and the indices that each stage has observed.
-
-        A stage adds its own logarithm and leaves the most likely so far; -inf for those that it rejects.
-        """
-        total = np.zeros(len(particles))
-        alive = np.arange(len(particles))
-        observed: dict[str, NDArray[np.intp]] = {}
-        for stage in STAGES:
-            observed[stage] = alive
-            total[alive] += self._log_likelihood(stage, particles[alive])
-            count = max(round(self.kept[stage] * len(alive)), 1)
-            order = np.argsort(-total[alive], kind="stable")  # ties are broken alike on every machine
-            total[alive[order[count:]]] = -np.inf
-            alive = np.sort(alive[order[:count]])
-        return total, observed
-
-    def log_likelihood(self, particles: FloatArray) -> FloatArray:
-        """`(N,)` logarithms of the likelihood, see `survivors`."""
-        return self.survivors(particles)[0]
-
-    def similarity(self, box: Box) -> float:
-        """Geometric mean of the stages' likelihoods of a `(4,)` box [px], in [0, 1]."""
-        logarithms = [float(self._log_likelihood(stage, box[None])[0]) for stage in STAGES]
-        return float(np.exp(np.mean(logarithms)))
-
-    def _log_likelihood(self, stage: str, wanted: FloatArray) -> FloatArray:
-        away = distances(stage, self.seen.features(stage, wanted), self.model[stage])
-        return -0.5 * np.square(away / self.sigmas[stage])
-
-
 class SobolNormals:
     """Quasi-random normal noise: a scrambled Sobol sequence through the inverse normal distribution.
 
@@ -215,7 +167,7 @@ class SobolNormals:
         return np.asarray(ndtri(np.clip(uniform, _LEAST_SHARE, 1.0 - _LEAST_SHARE)), dtype=np.float64)
 
 
-class Yang2005(BoxFilterTracker[Yang2005Parameters, Cascade]):
+class Yang2005(BoxFilterTracker[Yang2005Parameters, CascadeRegion]):
     """Tracker by a cascade of observations."""
 
     def __init__(self, params: Yang2005Parameters, seed: int) -> None:
@@ -228,17 +180,45 @@ class Yang2005(BoxFilterTracker[Yang2005Parameters, Cascade]):
     def _learn_first(self, image: Image, box: Box) -> None:
         self._first_size = np.array(box[2:])
         self._normals = SobolNormals(4, self._rng) if self.params.quasi_random else None
-        seen = self._encode(image, box[None])
+        seen = self.observe(image, box[None])
         self._model = {stage: seen.features(stage, box[None])[0] for stage in STAGES}
-
-    def _observe(self, image: Image, near: FloatArray) -> Cascade:
-        return Cascade(self._encode(image, near), self._model, self._sigmas, self._kept)
 
     def _dynamics(self, sigma: tuple[float, float, float, float]) -> Dynamics:
         return RandomWalk(sigma, self.params.size_correlation, self._normals)
 
-    def _encode(self, image: Image, near: FloatArray) -> CascadeRegion:
+    def observe(self, image: Image, near: FloatArray) -> CascadeRegion:
+        """The features of a frame."""
         return CascadeRegion(block_means(image, near, block_size(self._first_size, self._state[2:4], POINTS)))
+
+    def survivors(self, seen: CascadeRegion, wanted: FloatArray) -> tuple[FloatArray, dict[str, NDArray[np.intp]]]:
+        """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px], and the indices that each stage has observed.
+
+        A stage adds its own logarithm and leaves the most likely so far; -inf for those that it rejects.
+        """
+        total = np.zeros(len(wanted))
+        alive = np.arange(len(wanted))
+        observed: dict[str, NDArray[np.intp]] = {}
+        for stage in STAGES:
+            observed[stage] = alive
+            total[alive] += self._stage_log_likelihood(stage, seen, wanted[alive])
+            count = max(round(self._kept[stage] * len(alive)), 1)
+            order = np.argsort(-total[alive], kind="stable")  # ties are broken alike on every machine
+            total[alive[order[count:]]] = -np.inf
+            alive = np.sort(alive[order[:count]])
+        return total, observed
+
+    def log_likelihood(self, seen: CascadeRegion, wanted: FloatArray) -> FloatArray:
+        """`(N,)` logarithms of the likelihood, see `survivors`."""
+        return self.survivors(seen, wanted)[0]
+
+    def similarity(self, seen: CascadeRegion, box: Box) -> float:
+        """Geometric mean of the stages' likelihoods of a `(4,)` box [px], in [0, 1]."""
+        logarithms = [float(self._stage_log_likelihood(stage, seen, box[None])[0]) for stage in STAGES]
+        return float(np.exp(np.mean(logarithms)))
+
+    def _stage_log_likelihood(self, stage: str, seen: CascadeRegion, wanted: FloatArray) -> FloatArray:
+        away = distances(stage, seen.features(stage, wanted), self._model[stage])
+        return -0.5 * np.square(away / self._sigmas[stage])
 
 
 def _cells(channel_count: int) -> tuple[FloatArray, NDArray[np.intp]]:
