@@ -121,8 +121,8 @@ def islam2009(seed: int) -> plt.Figure:
     for axis, box, colour in ((axes[3], last, "estimate"), (axes[4], aside, "aside (red)")):
         patch = seen.shapes(box[None])[0]
         axis.imshow(patch.reshape(SHAPE), cmap="gray")
-        axis.set_title(f"{colour}\ncorrelation {patch @ tracker.template.shape / patch.size:.2f}")
-    axes[2].imshow(tracker.template.shape.reshape(SHAPE), cmap="gray")
+        axis.set_title(f"{colour}\ncorrelation {patch @ tracker.template / patch.size:.2f}")
+    axes[2].imshow(tracker.template.reshape(SHAPE), cmap="gray")
     axes[2].set_title("template")
     for axis in axes:
         axis.set_axis_off()

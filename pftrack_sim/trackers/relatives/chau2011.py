@@ -16,9 +16,10 @@ import numpy as np
 from pydantic import Field
 from scipy.optimize import linear_sum_assignment
 
-from pftrack_sim.core.boxes import Box, from_states
+from pftrack_sim.core.boxes import Box, centre, from_states
 from pftrack_sim.core.records import Detections, Image, TrackedBoxes
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.trackers.box_filter import state_of
 from pftrack_sim.trackers.features.histogram import histogram, uniform_layout
 from pftrack_sim.trackers.multi_object import FollowedPerson
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
@@ -69,7 +70,7 @@ class _Object:
         self._filter = cv2.KalmanFilter(8, 4, 0, cv2.CV_64F)
         self._filter.transitionMatrix = np.eye(8) + np.eye(8, k=4)
         self._filter.measurementMatrix = np.eye(4, 8)
-        self._filter.statePost = np.concatenate([_state(box), np.zeros(4)])[:, None]
+        self._filter.statePost = np.concatenate([state_of(box), np.zeros(4)])[:, None]
         noise = self._noise(box[3])
         self._filter.errorCovPost = np.diag(np.concatenate([noise, 10.0 * noise]))
 
@@ -90,7 +91,7 @@ class _Object:
 
     def correct(self, box: Box, colours: FloatArray) -> None:
         """Take a detection as this object."""
-        self._filter.correct(_state(box)[:, None])
+        self._filter.correct(state_of(box)[:, None])
         self.colours = (1.0 - self._params.colour_rate) * self.colours + self._params.colour_rate * colours
         self.matches += 1
         self.missed = 0
@@ -100,10 +101,6 @@ class _Object:
         """`(4,)` estimated box [px]."""
         state = np.asarray(self._filter.statePost, dtype=np.float64)[:4, 0]
         return from_states(np.concatenate([state[:2], np.maximum(state[2:], _LEAST_PX)])[None])[0]
-
-
-def _state(box: Box) -> FloatArray:
-    return np.concatenate([box[:2] + 0.5 * box[2:], box[2:]])
 
 
 class Chau2011:
@@ -146,7 +143,7 @@ class Chau2011:
     def _similarity(self, one: _Object, box: Box, colours: FloatArray) -> float:
         """Weighted mean of four similarities in [0, 1]; 0 for a detection out of reach."""
         params, mine = self.params, one.box
-        gap = float(np.linalg.norm(_state(mine)[:2] - _state(box)[:2]))
+        gap = float(np.linalg.norm(centre(mine) - centre(box)))
         near = 1.0 - gap / (params.reach * mine[3] * one.missed)
         if near <= 0.0:
             return 0.0

@@ -9,8 +9,7 @@ over where the similarity at the mode is low, and hands back once mean shift fro
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +36,7 @@ from pftrack_sim.trackers.filters import RandomWalk
 from pftrack_sim.trackers.parameters import Count, Positive, Share
 
 _LAYOUT, _WHOLE = epanechnikov_layout(1, JOINT_COUNT), Partition()
+_Seen: TypeAlias = tuple[ImageRegion, NDArray[np.uint8]]  # A region of a frame, and its colour codes
 
 
 class Deguchi2004Parameters(WalkParameters):
@@ -89,17 +89,16 @@ class Deguchi2004(WalkTracker[Deguchi2004Parameters]):
         box = boxes.from_states(self._state[None])
         # Mean shift may leave the particles behind by as much as a box.
         reach = np.concatenate([box[:, :2] - box[:, 2:], 3.0 * box[:, 2:]], axis=1)
-        region, codes = self._encode(image, np.concatenate([particles, reach]))
-        seen = _Seen(region, codes, self._histogram, self._pulls, p)
-        self._filter.weigh(p.sharpness * (seen.similarities(particles) - 1.0))
+        seen = self._encode(image, np.concatenate([particles, reach]))
+        self._filter.weigh(p.sharpness * (self._similarities(seen, particles) - 1.0))
         spread = self._filter.mean(p.top_count)
-        state, similarity = seen.climb(self._state)
+        state, similarity = self._climb(seen, self._state)
         if self._lost or similarity < p.take_over_below * self._usual:
-            state, similarity = seen.climb(spread)
+            state, similarity = self._climb(seen, spread)
             self._lost = similarity < p.hand_back_above * self._usual
             if self._lost:
                 state = spread
-                similarity = float(seen.similarities(boxes.from_states(spread[None]))[0])
+                similarity = float(self._similarities(seen, boxes.from_states(spread[None]))[0])
         self._filter.resample()
         if not self._lost:
             self._usual += USUAL_RATE * (similarity - self._usual)
@@ -118,38 +117,28 @@ class Deguchi2004(WalkTracker[Deguchi2004Parameters]):
         clip_states(self._filter.states, image, MIN_SIZE_PX)
         return boxes.from_states(self._filter.states)
 
-    def _encode(self, image: Image, near: FloatArray) -> tuple[ImageRegion, NDArray[np.uint8]]:
+    def _encode(self, image: Image, near: FloatArray) -> _Seen:
         """Colour codes of the region that `(N, 4)` boxes [px] touch, in blocks of about the points of a box."""
         region = block_means(image, near, block_size(self._first_size, self._state[2:4], (COLUMNS, ROWS)))
         return region, hsv_joint_codes(region.pixels)
 
+    def _similarities(self, seen: _Seen, wanted: FloatArray) -> FloatArray:
+        """`(N,)` similarities of `(N, 4)` boxes [px] with the first one."""
+        region, codes = seen
+        return similarities(codes, region.to_region(wanted), _LAYOUT, self._histogram)
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """One frame's colours, compared with the histogram of the first box; `pulls` is its histogram in mean shift."""
-
-    region: ImageRegion
-    codes: NDArray[np.uint8]
-    histogram: FloatArray
-    pulls: FloatArray
-    params: Deguchi2004Parameters
-
-    def similarities(self, wanted: FloatArray) -> FloatArray:
-        """`(N,)` similarities of `(N, 4)` boxes [px]."""
-        return similarities(self.codes, self.region.to_region(wanted), _LAYOUT, self.histogram)
-
-    def climb(self, state: FloatArray) -> tuple[FloatArray, float]:
+    def _climb(self, seen: _Seen, state: FloatArray) -> tuple[FloatArray, float]:
         """The `(4,)` state that mean shift reaches from a `(4,)` state, and its similarity in [0, 1].
 
         Of three sizes that of the greatest similarity is taken, and the size moves towards it.
         """
-        p = self.params
+        p, (region, codes) = self.params, seen
         reached = np.tile(state, (3, 1))
         reached[:, 2:] *= [[1.0], [1.0 - p.size_step], [1.0 + p.size_step]]
-        starts = _upright_states(self.region.to_region(boxes.from_states(reached)))
-        ends = mean_shift(self.codes, starts, _WHOLE, self.pulls, p.iteration_count, 0.0)
-        reached[:, :2] += (ends[:, :2] - starts[:, :2]) * self.region.step
-        found = self.similarities(boxes.from_states(reached))
+        starts = _upright_states(region.to_region(boxes.from_states(reached)))
+        ends = mean_shift(codes, starts, _WHOLE, self._pulls, p.iteration_count, 0.0)
+        reached[:, :2] += (ends[:, :2] - starts[:, :2]) * region.step
+        found = self._similarities(seen, boxes.from_states(reached))
         best = int(found.argmax())
         size = state[2:] + p.size_gain * (reached[best, 2:] - state[2:])
         return np.concatenate([reached[best, :2], size]), float(found[best])

@@ -70,14 +70,6 @@ class Islam2009Parameters(BoxFilterParameters):
 
 
 @dataclass(frozen=True, eq=False)
-class Template:
-    """The first frame's shape, a `(d,)` patch of distances, and its colour histogram."""
-
-    shape: NDArray[np.float32]
-    colour: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class EdgeRegion:
     """Distances to edges `(H, W)` and colour codes `(H, W, 1)` of the region that boxes touch."""
 
@@ -93,10 +85,6 @@ class EdgeRegion:
         placements[:, 2], placements[:, 5] = local[:, 2], local[:, 3]
         return sample_patches(self.distances, placements, SHAPE)
 
-    def template(self, box: Box) -> Template:
-        """What a `(4,)` box [px] shows."""
-        return Template(self.shapes(box[None])[0], histogram(self.codes, self.region.to_region(box[None])[0], _LAYOUT))
-
 
 def edge_distances(image: Image, thresholds: tuple[float, float], cap_px: float) -> NDArray[np.uint8]:
     """`(H, W)` distance of every pixel to the nearest edge, 0 on edges and 255 from `cap_px` on.
@@ -111,11 +99,17 @@ def edge_distances(image: Image, thresholds: tuple[float, float], cap_px: float)
 
 
 class Islam2009(BoxFilterTracker[Islam2009Parameters, EdgeRegion]):
-    """Tracker by shape, and by colour if it has a share."""
+    """Tracker by shape, and by colour if it has a share.
+
+    Attributes:
+        template: `(d,)` patch of distances, the first frame's shape.
+    """
 
     def _learn_first(self, image: Image, box: Box) -> None:
         self._first_size = np.array(box[2:])
-        self.template = self.observe(image, box[None]).template(box)
+        seen = self.observe(image, box[None])
+        self.template = seen.shapes(box[None])[0]
+        self._colours = histogram(seen.codes, seen.region.to_region(box[None])[0], _LAYOUT)
 
     def observe(self, image: Image, near: FloatArray) -> EdgeRegion:
         """Edges and colours, in blocks of about the points of the template's grid, so that edges have one size."""
@@ -135,8 +129,8 @@ class Islam2009(BoxFilterTracker[Islam2009Parameters, EdgeRegion]):
     def similarities(self, seen: EdgeRegion, wanted: FloatArray) -> FloatArray:
         """`(N,)` mixtures, in [0, 1], of the correlation of shapes, 0 where negative, and the similarity of colours."""
         share = self.params.colour_share
-        correlation = seen.shapes(wanted) @ self.template.shape / math.prod(SHAPE)
-        colour = similarities(seen.codes, seen.region.to_region(wanted), _LAYOUT, self.template.colour)
+        correlation = seen.shapes(wanted) @ self.template / math.prod(SHAPE)
+        colour = similarities(seen.codes, seen.region.to_region(wanted), _LAYOUT, self._colours)
         return (1.0 - share) * np.clip(correlation, 0.0, 1.0) + share * colour
 
 
