@@ -157,16 +157,15 @@ class ParticleFilter:
         self.states, self.log_weights = self.states[:count], self.log_weights[:count]
 
 
-def systematic_resampling(weights: FloatArray, rng: np.random.Generator, count: int | None = None) -> NDArray[np.intp]:
-    """`(count,)` ascending indices, by equal steps along the cumulative `(N,)` weights from one uniform random number.
+def systematic_resampling(weights: FloatArray, rng: np.random.Generator) -> NDArray[np.intp]:
+    """`(N,)` ascending indices, by equal steps along the cumulative `(N,)` weights from one uniform random number.
 
-    Particle i is drawn `count * weights[i]` times on average, rounded up or down; `count` is N if None. Source:
-    Carpenter, Clifford & Fearnhead 1999; Arulampalam et al. 2002, algorithm 2.
+    Particle i is drawn `N * weights[i]` times on average, rounded up or down. Source: Carpenter, Clifford & Fearnhead
+    1999; Arulampalam et al. 2002, algorithm 2.
     """
-    draws = weights.size if count is None else count
     edges = np.cumsum(weights)
     total = float(edges[-1])
-    points = (rng.random() + np.arange(draws)) * (total / draws)
+    points = (rng.random() + np.arange(weights.size)) * (total / weights.size)
     # Rounding may put the last point on the upper end, beyond the last particle.
     return np.searchsorted(edges, np.minimum(points, np.nextafter(total, 0.0)), side="right")
 
