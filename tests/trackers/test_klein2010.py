@@ -46,7 +46,7 @@ def test_features_ignore_brightness_and_follow_the_size():
     box = np.array([[30.0, 20, 16, 24]])
     pool = grid_of_regions(3, 0.5)
     values = pool.values(opponent_integral(image), box)
-    assert values.shape == (1, pool.size)
+    assert values.shape == (1, 3 * len(pool.regions))
     brighter = pool.values(opponent_integral(image + np.uint8(50)), box)
     assert np.allclose(values, brighter, rtol=0, atol=1e-2)
     doubled = pool.values(opponent_integral(image.repeat(2, 0).repeat(2, 1)), 2 * box)

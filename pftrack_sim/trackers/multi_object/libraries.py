@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -18,55 +18,48 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.multi_object.followed import FollowedPerson, MultiObjectTracker
 from pftrack_sim.trackers.parameters import Parameters
 
+Identify: TypeAlias = Callable[[FloatArray, FloatArray], tuple[FloatArray, list[int]]]
+"""`(M, 4)` left, top, right, bottom [px] of M tracks and their identities, given `(N, 4)` and `(N,)` scores."""
 
-class _Numbered:
-    """Identities from 1 in the order of appearance."""
 
-    def __init__(self) -> None:
+class LibraryTracker:
+    """A tracker of a library, with identities from 1 in the order of appearance."""
+
+    def __init__(self, identify: Identify) -> None:
+        self._identify = identify
         self._known: dict[int, int] = {}
 
-    def tracks(self, corners: FloatArray, identities: list[int]) -> TrackedBoxes:
-        """Tracks of `(N, 4)` left, top, right, bottom [px]; boxes without extent are left out."""
+    def update(self, detections: Detections, image: Image) -> TrackedBoxes:
+        """Identify detections; the image is not used. Tracks without extent are left out."""
+        boxes = detections.boxes
+        corners, identities = self._identify(np.hstack([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]]), detections.scores)
         numbers = [self._known.setdefault(one, len(self._known) + 1) for one in identities]
         kept = (corners[:, 2:] > corners[:, :2]).all(axis=1)
-        boxes = np.concatenate([corners[:, :2], corners[:, 2:] - corners[:, :2]], axis=1)
-        return TrackedBoxes(boxes[kept], np.array(numbers, dtype=np.int64)[kept])
+        tracked = np.hstack([corners[:, :2], corners[:, 2:] - corners[:, :2]])
+        return TrackedBoxes(tracked[kept], np.array(numbers, dtype=np.int64)[kept])
 
 
-class PyxTracker:
+def _pyxtrackers(tracker: Any) -> Identify:
     """ByteTrack or OC-SORT of pyxtrackers, which has the output of their authors' code."""
 
-    def __init__(self, kind: Callable[..., Any], params: Mapping[str, Any]) -> None:
-        self._tracker = kind(**params)
-        self._numbered = _Numbered()
+    def identify(corners: FloatArray, scores: FloatArray) -> tuple[FloatArray, list[int]]:
+        found = np.asarray(tracker.update(np.column_stack([corners, scores])), dtype=np.float64).reshape(-1, 5)
+        return found[:, :4], found[:, 4].astype(int).tolist()
 
-    def update(self, detections: Detections, image: Image) -> TrackedBoxes:
-        """Identify detections; the image is not used."""
-        boxes = detections.boxes
-        rows = np.column_stack([boxes[:, :2], boxes[:, :2] + boxes[:, 2:], detections.scores])
-        found = np.asarray(self._tracker.update(rows), dtype=np.float64).reshape(-1, 5)
-        return self._numbered.tracks(found[:, :4], found[:, 4].astype(int).tolist())
+    return identify
 
 
-class NorfairTracker:
-    """norfair's Kalman tracker on the overlap of boxes."""
+def _norfair(library: Any, tracker: Any) -> Identify:
+    """The Kalman tracker of norfair, on the overlap of boxes."""
 
-    def __init__(self, library: Any, params: Mapping[str, Any]) -> None:
-        self._library = library
-        self._tracker = library.Tracker(**params)
-        self._numbered = _Numbered()
+    def identify(corners: FloatArray, scores: FloatArray) -> tuple[FloatArray, list[int]]:
+        pairs = zip(corners.reshape(-1, 2, 2), scores.tolist(), strict=True)
+        found = tracker.update([library.Detection(points, scores=np.full(2, score)) for points, score in pairs])
+        return np.array([one.estimate for one in found], dtype=np.float64).reshape(-1, 4), [
+            int(one.id) for one in found
+        ]
 
-    def update(self, detections: Detections, image: Image) -> TrackedBoxes:
-        """Identify detections; the image is not used."""
-        corners = [np.array([box[:2], box[:2] + box[2:]]) for box in detections.boxes]
-        found = self._tracker.update(
-            [
-                self._library.Detection(points, scores=np.full(2, score))
-                for points, score in zip(corners, detections.scores.tolist(), strict=True)
-            ]
-        )
-        boxes = np.array([one.estimate for one in found], dtype=np.float64).reshape(-1, 4)
-        return self._numbered.tracks(boxes, [int(one.id) for one in found])
+    return identify
 
 
 _PYX = {"bytetrack": "BYTETracker", "ocsort": "OCSort"}
@@ -94,7 +87,9 @@ def make(name: str, *, seed: int, preset: str, **params: Any) -> FollowedPerson:
 
     def fresh() -> MultiObjectTracker:
         given = {**_GIVEN[name], **params}
-        return PyxTracker(getattr(library, _PYX[name]), given) if name in _PYX else NorfairTracker(library, given)
+        if name in _PYX:
+            return LibraryTracker(_pyxtrackers(getattr(library, _PYX[name])(**given)))
+        return LibraryTracker(_norfair(library, library.Tracker(**given)))
 
     try:
         fresh()

@@ -272,11 +272,6 @@ class CentreSurround:
     regions: FloatArray
     centres: FloatArray
 
-    @property
-    def size(self) -> int:
-        """Number of features."""
-        return len(self.regions) * CHANNEL_COUNT
-
     def values(self, integral: FloatArray, boxes: FloatArray, chosen: NDArray[np.intp] | None = None) -> FloatArray:
         """`(N, T)` values of the `(T,)` chosen features, or of all, in `(N, 4)` boxes [px]."""
         if chosen is None:
