@@ -13,26 +13,23 @@ import scipy  # it imports its packages at first use
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.records import frozen_array
 from pftrack_sim.core.types import BoolArray, FloatArray
-
-
-def _frozen(values: FloatArray) -> FloatArray:
-    values.setflags(write=False)
-    return values
-
 
 SUCCESS_OVERLAP = 0.5  # Overlap from which a frame counts as tracked
 LOOSE_OVERLAP = 0.3  # A looser overlap from which a frame counts as tracked, printed beside `SUCCESS_OVERLAP`
 PRECISION_PX = 20.0  # Centre error up to which a frame counts as precise
 
-SUCCESS_THRESHOLDS = _frozen(np.linspace(0.0, 1.0, 21))
+SUCCESS_THRESHOLDS = frozen_array(np.linspace(0.0, 1.0, 21))
 """`(21,)` overlaps 0, 0.05 ... 1 (Wu, Lim & Yang 2013, and the GOT-10k toolkit)."""
 
-PRECISION_THRESHOLDS_PX = _frozen(np.arange(0.0, 51.0))  # `(51,)` centre errors 0, 1 ... 50 px (Wu, Lim & Yang 2013)
+PRECISION_THRESHOLDS_PX = frozen_array(
+    np.arange(0.0, 51.0)
+)  # `(51,)` centre errors 0, 1 ... 50 px (Wu, Lim & Yang 2013)
 
 STRICT_OVERLAPS = (0.5, 0.75)  # SR_0.5 and SR_0.75 of GOT-10k: shares of frames with *more* overlap
 
-NORMALISED_PRECISION_THRESHOLDS = _frozen(np.linspace(0.0, 0.5, 51))
+NORMALISED_PRECISION_THRESHOLDS = frozen_array(np.linspace(0.0, 0.5, 51))
 """`(51,)` centre errors 0, 0.01 ... 0.5 in sizes of the box (Müller et al. 2018, TrackingNet)."""
 
 

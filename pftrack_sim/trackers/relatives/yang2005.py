@@ -232,22 +232,12 @@ def _haar_features() -> tuple[tuple[FloatArray, NDArray[np.intp]], FloatArray]:
 
     In the box and in each of its quarters: left less right, upper less lower, and middle less both sides.
     """
-    parts: list[tuple[float, float, float, float]] = []
-    signs: list[dict[int, float]] = []
     areas = [(0.0, 0.0, 1.0, 1.0), *((j / 2, i / 2, 0.5, 0.5) for i in range(2) for j in range(2))]
-    for x, y, w, h in areas:
-        first = len(parts)
-        parts += [(x, y, w / 2, h), (x + w / 2, y, w / 2, h), (x, y, w, h / 2), (x, y + h / 2, w, h / 2)]
-        parts += [(x + k * w / 3, y, w / 3, h) for k in range(3)]
-        signs += [
-            {first: 1.0, first + 1: -1.0},
-            {first + 2: 1.0, first + 3: -1.0},
-            {first + 4: -0.5, first + 5: 1.0, first + 6: -0.5},
-        ]
-    matrix = np.zeros((len(parts), len(signs)))
-    for column, entries in enumerate(signs):
-        for row, sign in entries.items():
-            matrix[row, column] = sign
+    halves = [(0.0, 0.0, 0.5, 1.0), (0.5, 0.0, 0.5, 1.0), (0.0, 0.0, 1.0, 0.5), (0.0, 0.5, 1.0, 0.5)]
+    thirds = [(k / 3, 0.0, 1 / 3, 1.0) for k in range(3)]
+    parts = [(x + a * w, y + b * h, c * w, d * h) for x, y, w, h in areas for a, b, c, d in (*halves, *thirds)]
+    signs = np.array([[1, -1, 0, 0, 0, 0, 0], [0, 0, 1, -1, 0, 0, 0], [0, 0, 0, 0, -0.5, 1, -0.5]]).T
+    matrix = np.asarray(np.kron(np.eye(len(areas)), signs), dtype=np.float64)
     return (np.array(parts), np.zeros(len(parts), np.intp)), matrix
 
 
