@@ -105,14 +105,21 @@ def centre(box: ArrayLike) -> FloatArray:
     return array[:2] + 0.5 * array[2:]
 
 
-def from_states(states: FloatArray) -> FloatArray:
-    """`(N, 4)` boxes [px] of `(N, D)` states that begin with centre x, centre y, width, height.
+def to_states(boxes: FloatArray) -> FloatArray:
+    """`(..., 4)` centre x, centre y, width and height of `(..., 4)` boxes [px]."""
+    states = boxes.copy()
+    states[..., :2] += 0.5 * boxes[..., 2:]
+    return states
 
-    >>> from_states(np.array([[30.0, 40.0, 10.0, 20.0]])).tolist()
-    [[25.0, 30.0, 10.0, 20.0]]
+
+def from_states(states: FloatArray) -> FloatArray:
+    """`(..., 4)` boxes [px] of `(..., D)` states that begin with centre x, centre y, width, height.
+
+    >>> from_states(np.array([30.0, 40.0, 10.0, 20.0])).tolist()
+    [25.0, 30.0, 10.0, 20.0]
     """
-    boxes = states[:, :4].copy()
-    boxes[:, :2] -= 0.5 * boxes[:, 2:]
+    boxes = states[..., :4].copy()
+    boxes[..., :2] -= 0.5 * boxes[..., 2:]
     return boxes
 
 

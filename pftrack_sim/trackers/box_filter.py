@@ -114,7 +114,7 @@ class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, SeenT]):
     """The filter without its likelihood."""
 
     def _start(self, image: Image, box: Box) -> None:
-        self._start_particles(state_of(box))
+        self._start_particles(boxes.to_states(box))
         self._usual, self._held = 0.0, False
         self._camera, self._shift = CameraMotion(), np.zeros(2)
         self._carry(image)
@@ -132,7 +132,7 @@ class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, SeenT]):
         seen = self.observe(image, near)
         particle_filter.weigh(self.log_likelihood(seen, particles))
         state = particle_filter.mean(p.top_count)
-        box = _box(state)
+        box = boxes.from_states(state)
         similarity = self.similarity(seen, box)
         self._held = held = self._is_jump(state) or similarity < p.hold_below * self._usual
         rate = HELD_RATE if held else USUAL_RATE
@@ -145,14 +145,14 @@ class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, SeenT]):
         else:
             particle_filter.resample()
         if held:
-            box = _box(self._state)
+            box = boxes.from_states(self._state)
             similarity = self.similarity(seen, box)
         else:
             self._learn(seen, box)
         return Estimate(box, similarity, held, particles if p.particles else None)
 
     def _moves_to(self, box: Box) -> bool:
-        moved = state_of(box) - self._state
+        moved = boxes.to_states(box) - self._state
         self._state = self._state + moved
         self._filter.states[:, :4] += moved
         return True
@@ -198,15 +198,6 @@ class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, SeenT]):
 
     def _learn(self, seen: SeenT, box: Box) -> None:
         """Learn from the estimated `(4,)` box [px] of a frame; not called while the previous state is kept."""
-
-
-def _box(state: FloatArray) -> Box:
-    return boxes.from_states(state[None])[0]
-
-
-def state_of(box: Box) -> FloatArray:
-    """`(4,)` state of a `(4,)` box."""
-    return np.concatenate([boxes.centre(box), box[2:]])
 
 
 def noise_scales(state: FloatArray, unit: NoiseUnit) -> tuple[float, float, float]:

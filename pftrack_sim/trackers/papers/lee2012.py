@@ -23,7 +23,7 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
-from pftrack_sim.trackers.box_filter import NoiseUnit, clip_states, noise_scales, state_of
+from pftrack_sim.trackers.box_filter import NoiseUnit, clip_states, noise_scales
 from pftrack_sim.trackers.features.histogram import distance_layout, histograms
 from pftrack_sim.trackers.features.hog import COLUMNS, ROWS, hog
 from pftrack_sim.trackers.features.image_region import block_means, block_size
@@ -143,7 +143,7 @@ class Lee2012(BaseTracker):
     def _start(self, image: Image, box: Box) -> None:
         p = self.params
         rng = random_streams.stream(self._seed, "tracker")
-        self._state = np.concatenate([state_of(box), np.zeros(2)])
+        self._state = np.concatenate([boxes.to_states(box), np.zeros(2)])
         states = np.tile(self._state, (p.particle_count, 1))
         offsets = rng.uniform(-1.0, 1.0, (p.particle_count, 2))
         if p.start == "image":
@@ -173,17 +173,17 @@ class Lee2012(BaseTracker):
             particle_filter.weigh(np.log(likelihood))
         self._state = particle_filter.mean()
         particle_filter.resample(multinomial=self.params.resampling == "multinomial")
-        box = boxes.from_states(self._state[None])
-        features = region.features(box)
+        box = boxes.from_states(self._state)
+        features = region.features(box[None])
         parts = zip(self._shares, self._models, features, strict=True)
         confidence = min(sum(share * float(model.similarity(feature)[0]) for share, model, feature in parts), 1.0)
         if not self._method.checks or self._is_reliable(confidence):
             for model, feature in zip(self._models, features, strict=True):
                 model.learn(feature[0])
-        return Estimate(box[0], confidence, False, particles if self.params.particles else None)
+        return Estimate(box, confidence, False, particles if self.params.particles else None)
 
     def _moves_to(self, box: Box) -> bool:
-        moved = state_of(box) - self._state[:4]
+        moved = boxes.to_states(box) - self._state[:4]
         self._state[:4] += moved
         self._filter.states[:, :4] += moved
         return True

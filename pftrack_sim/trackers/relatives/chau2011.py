@@ -16,10 +16,9 @@ import numpy as np
 from pydantic import Field
 from scipy.optimize import linear_sum_assignment
 
-from pftrack_sim.core.boxes import Box, centre, from_states
+from pftrack_sim.core.boxes import Box, centre, from_states, to_states
 from pftrack_sim.core.records import Detections, Image, TrackedBoxes
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.box_filter import state_of
 from pftrack_sim.trackers.features.histogram import histogram, uniform_layout
 from pftrack_sim.trackers.multi_object import FollowedPerson
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
@@ -70,7 +69,7 @@ class _Object:
         self._filter = cv2.KalmanFilter(8, 4, 0, cv2.CV_64F)
         self._filter.transitionMatrix = np.eye(8) + np.eye(8, k=4)
         self._filter.measurementMatrix = np.eye(4, 8)
-        self._filter.statePost = np.concatenate([state_of(box), np.zeros(4)])[:, None]
+        self._filter.statePost = np.concatenate([to_states(box), np.zeros(4)])[:, None]
         noise = self._noise(box[3])
         self._filter.errorCovPost = np.diag(np.concatenate([noise, 10.0 * noise]))
 
@@ -91,7 +90,7 @@ class _Object:
 
     def correct(self, box: Box, colours: FloatArray) -> None:
         """Take a detection as this object."""
-        self._filter.correct(state_of(box)[:, None])
+        self._filter.correct(to_states(box)[:, None])
         self.colours = (1.0 - self._params.colour_rate) * self.colours + self._params.colour_rate * colours
         self.matches += 1
         self.missed = 0
@@ -100,7 +99,7 @@ class _Object:
     def box(self) -> Box:
         """`(4,)` estimated box [px]."""
         state = np.asarray(self._filter.statePost, dtype=np.float64)[:4, 0]
-        return from_states(np.concatenate([state[:2], np.maximum(state[2:], _LEAST_PX)])[None])[0]
+        return from_states(np.concatenate([state[:2], np.maximum(state[2:], _LEAST_PX)]))
 
 
 class Chau2011:

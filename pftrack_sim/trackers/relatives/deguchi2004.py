@@ -26,7 +26,6 @@ from pftrack_sim.trackers.box_filter import (
     WalkParameters,
     WalkTracker,
     clip_states,
-    state_of,
 )
 from pftrack_sim.trackers.features.histogram import COLUMNS, ROWS, epanechnikov_layout, histogram, similarities
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
@@ -76,7 +75,7 @@ class Deguchi2004(WalkTracker[Deguchi2004Parameters]):
     """Mean shift with a particle filter beside it."""
 
     def _start(self, image: Image, box: Box) -> None:
-        self._start_particles(state_of(box))
+        self._start_particles(boxes.to_states(box))
         self._first_size, self._usual, self._lost = np.array(box[2:]), 1.0, False
         region, codes = self._encode(image, box[None])
         local = region.to_region(box[None])
@@ -98,15 +97,14 @@ class Deguchi2004(WalkTracker[Deguchi2004Parameters]):
             self._lost = similarity < p.hand_back_above * self._usual
             if self._lost:
                 state = spread
-                similarity = float(self._similarities(seen, boxes.from_states(spread[None]))[0])
+                similarity = float(self._similarities(seen, boxes.from_states(spread)[None])[0])
         self._filter.resample()
         if not self._lost:
             self._usual += USUAL_RATE * (similarity - self._usual)
             self._filter.states[: round(p.seeded_share * p.particle_count)] = state
         clip_states(state[None], image, MIN_SIZE_PX)
         self._state = state
-        found = boxes.from_states(state[None])[0]
-        return Estimate(found, similarity, self._lost, particles if p.particles else None)
+        return Estimate(boxes.from_states(state), similarity, self._lost, particles if p.particles else None)
 
     def _predict(self, image: Image) -> FloatArray:
         """`(N, 4)` boxes [px] of the particles after their random walk."""
@@ -146,7 +144,7 @@ class Deguchi2004(WalkTracker[Deguchi2004Parameters]):
 
 def _upright_states(local: FloatArray) -> FloatArray:
     """`(N, 5)` states of mean shift: `(N, 4)` boxes [px of the region] at the angle 0."""
-    return np.column_stack([local[:, :2] + 0.5 * local[:, 2:], local[:, 2:], np.zeros(len(local))])
+    return np.column_stack([boxes.to_states(local), np.zeros(len(local))])
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Deguchi2004:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
@@ -81,8 +82,7 @@ class EdgeRegion:
         """`(N, d)` patches of distances of `(N, 4)` boxes [px], of mean 0 and variance 1."""
         local = self.region.to_region(wanted)
         placements = np.zeros((len(local), 6))
-        placements[:, :2] = local[:, :2] + 0.5 * local[:, 2:]
-        placements[:, 2], placements[:, 5] = local[:, 2], local[:, 3]
+        placements[:, [0, 1, 2, 5]] = boxes.to_states(local)
         return sample_patches(self.distances, placements, SHAPE)
 
 

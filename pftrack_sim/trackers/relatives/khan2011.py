@@ -29,7 +29,6 @@ from pftrack_sim.trackers.box_filter import (
     WalkParameters,
     WalkTracker,
     clip_states,
-    state_of,
 )
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.mean_shift import SIDE, Partition, area_histograms, mean_shift
@@ -97,7 +96,7 @@ class Khan2011(WalkTracker[Khan2011Parameters]):
         self._partition = Partition(params.rows, params.columns)
 
     def _start(self, image: Image, box: Box) -> None:
-        self._start_particles(np.append(state_of(box), 0.0))
+        self._start_particles(np.append(boxes.to_states(box), 0.0))
         self._first_size = np.array(box[2:])
         region, codes = self._encode(image, self._state[None])
         found = area_histograms(codes, _to_region(self._state[None], region), self._partition, JOINT_COUNT)[0]
