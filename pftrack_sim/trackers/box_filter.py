@@ -20,6 +20,7 @@ from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
+from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.filters import Dynamics, ParticleFilter, RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Positive, RecognitionParameters, Share
 
@@ -71,8 +72,12 @@ class WalkTracker(BaseTracker, Generic[WalkT]):
     def _start_particles(self, state: FloatArray) -> None:
         """Put all particles at a `(D,)` state, with the random numbers of a new sequence."""
         self._rng = random_streams.stream(self._seed, "tracker")
-        self._state = state
+        self._state, self._first_size = state, state[2:4].copy()
         self._filter = ParticleFilter(np.tile(state, (self.params.particle_count, 1)), self._rng)
+
+    def _blocks(self, image: Image, near: FloatArray, points: tuple[int, int]) -> ImageRegion:
+        """The region that `(N, 4)` boxes [px] touch; the target has about as many blocks as columns and rows."""
+        return block_means(image, near, block_size(self._first_size, self._state[2:4], points))
 
 
 TUNED_WALK: Mapping[str, Any] = {"sigma_centre": 0.2, "sigma_size": 0.025, "size_correlation": 1.0, "sigma_unit": "box"}
@@ -170,11 +175,9 @@ class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, SeenT]):
 
     def _is_jump(self, state: FloatArray) -> bool:
         """Whether a state is `hold_distance` or more from the previous one and from where the camera takes it."""
-        x, y, width, height = self._state.tolist()
-        right, down = state[0] - x, state[1] - y
-        carried_right, carried_down = self._shift.tolist()
-        moved = min(np.hypot(right, down), np.hypot(right - carried_right, down - carried_down))
-        return bool(moved >= self.params.hold_distance * math.sqrt(width * height))
+        jump = state[:2] - self._state[:2]
+        moved = min(np.hypot(*jump), np.hypot(*(jump - self._shift)))
+        return bool(moved >= self.params.hold_distance * math.sqrt(self._state[2] * self._state[3]))
 
     def _dynamics(self, sigma: tuple[float, float, float, float]) -> Dynamics:
         """How the particles move in this frame, given the noise of x, y, w, h [px]."""

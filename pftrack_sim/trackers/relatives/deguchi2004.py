@@ -28,7 +28,7 @@ from pftrack_sim.trackers.box_filter import (
     clip_states,
 )
 from pftrack_sim.trackers.features.histogram import COLUMNS, ROWS, epanechnikov_layout, histogram, similarities
-from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
+from pftrack_sim.trackers.features.image_region import ImageRegion
 from pftrack_sim.trackers.features.mean_shift import Partition, area_histograms, mean_shift
 from pftrack_sim.trackers.features.pixel_codes import JOINT_COUNT, hsv_joint_codes
 from pftrack_sim.trackers.filters import RandomWalk
@@ -76,7 +76,7 @@ class Deguchi2004(WalkTracker[Deguchi2004Parameters]):
 
     def _start(self, image: Image, box: Box) -> None:
         self._start_particles(boxes.to_states(box))
-        self._first_size, self._usual, self._lost = np.array(box[2:]), 1.0, False
+        self._usual, self._lost = 1.0, False
         region, codes = self._encode(image, box[None])
         local = region.to_region(box[None])
         self._histogram = histogram(codes, local[0], _LAYOUT)
@@ -117,7 +117,7 @@ class Deguchi2004(WalkTracker[Deguchi2004Parameters]):
 
     def _encode(self, image: Image, near: FloatArray) -> _Seen:
         """Colour codes of the region that `(N, 4)` boxes [px] touch, in blocks of about the points of a box."""
-        region = block_means(image, near, block_size(self._first_size, self._state[2:4], (COLUMNS, ROWS)))
+        region = self._blocks(image, near, (COLUMNS, ROWS))
         return region, hsv_joint_codes(region.pixels)
 
     def _similarities(self, seen: _Seen, wanted: FloatArray) -> FloatArray:

@@ -24,7 +24,7 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.box_filter import TUNED_WALK, BoxFilterParameters, BoxFilterTracker
 from pftrack_sim.trackers.features.histogram import epanechnikov_layout, histogram, similarities
-from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
+from pftrack_sim.trackers.features.image_region import ImageRegion
 from pftrack_sim.trackers.features.patches import sample_patches
 from pftrack_sim.trackers.features.pixel_codes import JOINT_COUNT, hsv_joint_codes
 from pftrack_sim.trackers.parameters import Count, NotNegative, Positive, Share
@@ -106,7 +106,6 @@ class Islam2009(BoxFilterTracker[Islam2009Parameters, EdgeRegion]):
     """
 
     def _learn_first(self, image: Image, box: Box) -> None:
-        self._first_size = np.array(box[2:])
         seen = self.observe(image, box[None])
         self.template = seen.shapes(box[None])[0]
         self._colours = histogram(seen.codes, seen.region.to_region(box[None])[0], _LAYOUT)
@@ -114,7 +113,7 @@ class Islam2009(BoxFilterTracker[Islam2009Parameters, EdgeRegion]):
     def observe(self, image: Image, near: FloatArray) -> EdgeRegion:
         """Edges and colours, in blocks of about the points of the template's grid, so that edges have one size."""
         p = self.params
-        region = block_means(image, near, block_size(self._first_size, self._state[2:4], (SHAPE[1], SHAPE[0])))
+        region = self._blocks(image, near, (SHAPE[1], SHAPE[0]))
         distances = edge_distances(region.pixels, (p.edge_low, p.edge_high), p.cap_share * min(SHAPE))
         return EdgeRegion(region, distances, hsv_joint_codes(region.pixels))
 

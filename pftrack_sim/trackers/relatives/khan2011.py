@@ -97,7 +97,6 @@ class Khan2011(WalkTracker[Khan2011Parameters]):
 
     def _start(self, image: Image, box: Box) -> None:
         self._start_particles(np.append(boxes.to_states(box), 0.0))
-        self._first_size = np.array(box[2:])
         region, codes = self._encode(image, self._state[None])
         found = area_histograms(codes, _to_region(self._state[None], region), self._partition, JOINT_COUNT)[0]
         totals = found.sum(axis=1, keepdims=True)

@@ -24,7 +24,7 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.box_filter import TUNED_WALK, BoxFilterParameters, BoxFilterTracker
 from pftrack_sim.trackers.features.hog import hog
-from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
+from pftrack_sim.trackers.features.image_region import ImageRegion
 from pftrack_sim.trackers.features.integral import integral_image, rectangle_means
 from pftrack_sim.trackers.filters import Dynamics, RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Positive
@@ -178,7 +178,6 @@ class Yang2005(BoxFilterTracker[Yang2005Parameters, CascadeRegion]):
         self._kept = dict(zip(STAGES, (p.keep_colour, p.keep_orientation, p.keep_haar, 1.0), strict=True))
 
     def _learn_first(self, image: Image, box: Box) -> None:
-        self._first_size = np.array(box[2:])
         self._normals = SobolNormals(4, self._rng) if self.params.quasi_random else None
         seen = self.observe(image, box[None])
         self._model = {stage: seen.features(stage, box[None])[0] for stage in STAGES}
@@ -188,7 +187,7 @@ class Yang2005(BoxFilterTracker[Yang2005Parameters, CascadeRegion]):
 
     def observe(self, image: Image, near: FloatArray) -> CascadeRegion:
         """The features of a frame."""
-        return CascadeRegion(block_means(image, near, block_size(self._first_size, self._state[2:4], POINTS)))
+        return CascadeRegion(self._blocks(image, near, POINTS))
 
     def survivors(self, seen: CascadeRegion, wanted: FloatArray) -> tuple[FloatArray, dict[str, NDArray[np.intp]]]:
         """`(N,)` logarithms of the likelihood of `(N, 4)` boxes [px], and the indices that each stage has observed.
