@@ -11,6 +11,7 @@ from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import BoxError, ImageError, TrackerError
 from pftrack_sim.core.records import Estimate, Tracker
+from pftrack_sim.trackers.box_filter import BoxFilterTracker
 from pftrack_sim.trackers.opencv import CLASSES
 from tests.trackers.following import Scene, follow
 
@@ -248,6 +249,25 @@ def test_a_moving_target_is_followed_in_every_way(
     images, truth = make_scene(count=25, step_px=1.0)
     found = np.array([one.box for one in follow(trackers.make(name, **given), images, truth[0])])
     assert boxes.pairwise_iou(found, truth[1:]).mean() > least
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        *((name, {}) for name in ("ko2012", "ko2012-classifier", "klein2010", "sidibe2010", "yang2005")),
+        ("islam2009", {"colour_share": 0.0}),
+        ("sidibe2010", {"lambda_colour": 0.0}),
+    ],
+)
+def test_the_true_box_is_more_similar_than_those_beside_it(name: str, given: dict[str, float], scene: Scene):
+    images, truth = scene
+    tracker = trackers.make(name, **given)
+    assert isinstance(tracker, BoxFilterTracker)
+    tracker.init(images[0], truth[0])
+    around = truth[1] + [[12.0, 0, 0, 0], [-12, 0, 0, 0], [0, 18, 0, 0], [0, -18, 0, 0], [-8, -12, 16, 24]]
+    seen = tracker.observe(images[1], np.concatenate([around, truth[:2]]))
+    assert max(tracker.similarity(seen, box) for box in around) < 0.9 * tracker.similarity(seen, truth[1])
+    assert tracker.log_likelihood(seen, np.concatenate([truth[1:2], around])).argmax() == 0
 
 
 NO_NOISE = {"noise_width": 0, "noise_height": 0, "noise_velocity_x": 0, "noise_velocity_y": 0, "start_spread": 0}
