@@ -9,16 +9,9 @@ import pytest
 
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
-from pftrack_sim.trackers.papers.ko2012 import Ko2012Parameters
 from tests.trackers.following import Scene, follow, followed_boxes
 
 run = partial(followed_boxes, "ko2012")
-
-
-def test_paper_preset_holds_the_printed_values():
-    paper = Ko2012Parameters()
-    assert (paper.sigma_centre, paper.sigma_size, paper.sigma_unit, paper.alpha) == (1.0, 0.64, "px", 0.4)
-    assert paper.size_correlation == 0.0
 
 
 @pytest.mark.parametrize("seed", range(3))

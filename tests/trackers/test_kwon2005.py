@@ -10,7 +10,7 @@ import pytest
 from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Estimate
-from pftrack_sim.trackers.papers.kwon2005 import Kwon2005, Kwon2005Parameters
+from pftrack_sim.trackers.papers.kwon2005 import Kwon2005
 from tests.trackers.following import Scene, follow, followed_boxes
 
 MOTIONS = ["similarity", "affine"]
@@ -87,11 +87,6 @@ def watch(images: list[np.ndarray], box: np.ndarray, **given: Any) -> Seen:
         seen.spreads.append(float(np.std(estimate.particles[:, 0] + estimate.particles[:, 2] / 2)))
         seen.models.append([one.copy() for one in (model.shares, model.means, model.sigmas)])
     return seen
-
-
-def test_paper_preset_holds_the_printed_values():
-    paper = Kwon2005Parameters()
-    assert (paper.outlier_c, paper.occlusion_share, paper.velocity) == (1.3, 0.2, True)
 
 
 @pytest.mark.parametrize(

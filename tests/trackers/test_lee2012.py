@@ -14,7 +14,7 @@ from pftrack_sim.trackers.features.histogram import distance_layout, histogram
 from pftrack_sim.trackers.features.online_feature import Normalisation, OnlineFeatureModel, OnlineFeatureParameters
 from pftrack_sim.trackers.features.pixel_codes import hsv_joint_codes
 from pftrack_sim.trackers.filters import ConstantVelocity
-from pftrack_sim.trackers.papers.lee2012 import METHODS, Lee2012Parameters
+from pftrack_sim.trackers.papers.lee2012 import METHODS
 from tests.trackers.following import Scene, followed_boxes
 
 NAMES = sorted(METHODS)
@@ -22,29 +22,6 @@ NAMES = sorted(METHODS)
 
 def run(images: list[np.ndarray], box: np.ndarray, name: str = "lee2012", **given: Any) -> np.ndarray:
     return followed_boxes(name, images, box, **given)
-
-
-def test_paper_preset_holds_the_printed_values():
-    printed = {
-        "particle_count": 100,
-        "noise_width": 2.5,
-        "noise_height": 2.5,
-        "noise_velocity_x": 6.5,
-        "noise_velocity_y": 2.5,
-        "noise_unit": "px",
-        "start": "image",
-        "resampling": "multinomial",
-        "alpha": 0.1,
-        "sigma_colour": 0.4,
-        "sigma_hog": 0.4,
-        "learned_sigma_colour": 0.4,
-        "learned_sigma_hog": 0.4,
-        "window": 40,
-        "memory": "growing",
-        "forgetting": 1.0,
-        "anchored": False,
-    }
-    assert {name: getattr(Lee2012Parameters(), name) for name in printed} == printed
 
 
 def test_the_first_particles_are_all_over_the_image_or_around_the_box():

@@ -51,6 +51,34 @@ def test_all_builtin_trackers_are_registered():
     assert all(isinstance(make(name), Tracker) for name in NAMES)
 
 
+PRINTED = {
+    "ko2012": {"sigma_centre": 1.0, "sigma_size": 0.64, "sigma_unit": "px", "alpha": 0.4, "size_correlation": 0.0},
+    "kwon2005": {"outlier_c": 1.3, "occlusion_share": 0.2, "velocity": True},
+    "lee2012": {
+        "particle_count": 100,
+        "noise_unit": "px",
+        "noise_width": 2.5,
+        "noise_height": 2.5,
+        "noise_velocity_x": 6.5,
+        "noise_velocity_y": 2.5,
+        "start": "image",
+        "resampling": "multinomial",
+        **dict.fromkeys(("sigma_colour", "sigma_hog", "learned_sigma_colour", "learned_sigma_hog"), 0.4),
+        "alpha": 0.1,
+        "window": 40,
+        "memory": "growing",
+        "forgetting": 1.0,
+        "anchored": False,
+    },
+}
+
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_preset_paper_holds_the_printed_values(name: str):
+    params = trackers.make(name, preset="paper").params  # pyright: ignore[reportAttributeAccessIssue]
+    assert {key: getattr(params, key) for key in PRINTED[name]} == PRINTED[name]
+
+
 @pytest.mark.parametrize("preset", trackers.PRESETS)
 @pytest.mark.parametrize("name", NAMES)
 def test_same_seed_gives_identical_output(name: str, preset: str, scene: Scene):
