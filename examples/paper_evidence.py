@@ -151,7 +151,7 @@ class Taught(Lee2012):
         for model in self._models:
             model.learn = taken.append  # type: ignore[method-assign]
         estimate = super()._follow(image)
-        features = self._features(image, self.teacher[None])
+        features = self._features(self._encode(image, self.teacher[None]), self.teacher[None])
         for model, lesson, feature in zip(self._models, lessons, features, strict=True):
             lesson(feature[0])
             model.learn = lesson  # type: ignore[method-assign]
@@ -159,12 +159,9 @@ class Taught(Lee2012):
 
     def likelihood(self, image: Any, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
         """`(N,)` likelihood (14) of `(N, 4)` boxes [px], over the largest."""
-        parts = zip(self._shares, self._models, self._features(image, boxes), strict=True)
+        parts = zip(self._shares, self._models, self._features(self._encode(image, boxes), boxes), strict=True)
         found = np.sum([share * model.likelihood(feature) for share, model, feature in parts], axis=0)
         return found / found.max()
-
-    def _features(self, image: Any, boxes: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        return self._region(image, boxes).features(boxes)
 
 
 def learning(seed: int) -> plt.Figure:

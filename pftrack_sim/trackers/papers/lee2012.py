@@ -12,10 +12,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from pftrack_sim.core import boxes, random_streams
@@ -26,7 +27,7 @@ from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.box_filter import NoiseUnit, clip_states, noise_scales
 from pftrack_sim.trackers.features.histogram import distance_layout, histograms
 from pftrack_sim.trackers.features.hog import COLUMNS, ROWS, hog
-from pftrack_sim.trackers.features.image_region import block_means, block_size
+from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.online_feature import OnlineFeatureModel, OnlineFeatureParameters
 from pftrack_sim.trackers.features.pixel_codes import JOINT_COUNT, hsv_joint_codes
 from pftrack_sim.trackers.filters import ConstantVelocity, ParticleFilter
@@ -35,6 +36,7 @@ from pftrack_sim.trackers.parameters import Count, NotNegative, Positive, Share
 MIN_SIZE_SHARE = 0.1
 """Least size of a particle as a share of the first box, which does not depend on the image's resolution."""
 _LAYOUT = distance_layout(ROWS, COLUMNS, 1, JOINT_COUNT)
+_Seen: TypeAlias = tuple[ImageRegion, NDArray[np.uint8], NDArray[np.uint8]]
 
 
 class Lee2012Parameters(OnlineFeatureParameters):
@@ -153,7 +155,7 @@ class Lee2012(BaseTracker):
         self._filter = ParticleFilter(states, rng)
         self._learnt_confidences: deque[float] = deque(maxlen=p.window)
         self._first_size = np.array(box[2:])
-        first = self._region(image, box[None]).features(box[None])
+        first = self._features(self._encode(image, box[None]), box[None])
         learning = p if self._method.learns else None
         sigmas = (p.sigma_colour, p.learned_sigma_colour), (p.sigma_hog, p.learned_sigma_hog)
         self._shares = (p.alpha, 1.0 - p.alpha) if self._method.uses_hog else (1.0,)
@@ -166,15 +168,15 @@ class Lee2012(BaseTracker):
         particle_filter.predict(ConstantVelocity(self._noise(), self.params.keep_shape))
         clip_states(particle_filter.states, image, MIN_SIZE_SHARE * self._first_size)
         particles = boxes.from_states(particle_filter.states)
-        region = self._region(image, particles)
-        parts = zip(self._shares, self._models, region.features(particles), strict=True)
+        seen = self._encode(image, particles)
+        parts = zip(self._shares, self._models, self._features(seen, particles), strict=True)
         with np.errstate(divide="ignore"):
             likelihood = sum(share * model.likelihood(features) for share, model, features in parts)
             particle_filter.weigh(np.log(likelihood))
         self._state = particle_filter.mean()
         particle_filter.resample(multinomial=self.params.resampling == "multinomial")
         box = boxes.from_states(self._state)
-        features = region.features(box[None])
+        features = self._features(seen, box[None])
         parts = zip(self._shares, self._models, features, strict=True)
         confidence = min(sum(share * float(model.similarity(feature)[0]) for share, model, feature in parts), 1.0)
         if not self._method.checks or self._is_reliable(confidence):
@@ -196,9 +198,18 @@ class Lee2012(BaseTracker):
             past.append(confidence)
         return reliable
 
-    def _region(self, image: Image, near: FloatArray) -> _FeatureRegion:
-        block = block_size(self._first_size, self._state[2:4], (COLUMNS, ROWS))
-        return _FeatureRegion(image, near, block, self._method.uses_hog)
+    def _encode(self, image: Image, near: FloatArray) -> _Seen:
+        """The region of `(N, 4)` boxes [px] in blocks, its colour codes and its grey; later boxes lie in their hull."""
+        region = block_means(image, near, block_size(self._first_size, self._state[2:4], (COLUMNS, ROWS)))
+        grey = np.asarray(cv2.cvtColor(region.pixels, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+        return region, hsv_joint_codes(region.pixels), grey
+
+    def _features(self, seen: _Seen, wanted: FloatArray) -> list[FloatArray]:
+        """Colour `(N, 256)` and, if used, HOG `(N, 192)` of `(N, 4)` boxes [px]."""
+        region, codes, grey = seen
+        local = region.to_region(wanted)
+        colour = histograms(codes, local, _LAYOUT)
+        return [colour, hog(grey, local)] if self._method.uses_hog else [colour]
 
     def _noise(self) -> tuple[float, float, float, float]:
         """Half the range of the noise of w, h, vx, vy per frame [px]."""
@@ -210,25 +221,6 @@ class Lee2012(BaseTracker):
             p.noise_velocity_x * position,
             p.noise_velocity_y * position,
         )
-
-
-class _FeatureRegion:
-    """The region of an image around `(N, 4)` boxes [px], averaged to blocks [px] and encoded for one or both features.
-
-    Later boxes must lie in the hull of those.
-    """
-
-    def __init__(self, image: Image, near: FloatArray, block: tuple[float, float], uses_hog: bool) -> None:
-        self._region = block_means(image, near, block)
-        self._codes = hsv_joint_codes(self._region.pixels)
-        grey = cv2.cvtColor(self._region.pixels, cv2.COLOR_RGB2GRAY) if uses_hog else None
-        self._grey = None if grey is None else np.asarray(grey, dtype=np.uint8)
-
-    def features(self, wanted: FloatArray) -> list[FloatArray]:
-        """Colour `(N, 256)` and, if used, HOG `(N, 192)` of `(N, 4)` boxes [px]."""
-        local = self._region.to_region(wanted)
-        colour = histograms(self._codes, local, _LAYOUT)
-        return [colour] if self._grey is None else [colour, hog(self._grey, local)]
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Lee2012:
