@@ -62,7 +62,6 @@ class _Counts:
     """Sums over all sequences."""
 
     matches: FloatArray = field(default_factory=lambda: np.zeros(len(ALPHAS)))
-    overlap: FloatArray = field(default_factory=lambda: np.zeros(len(ALPHAS)))
     association: FloatArray = field(default_factory=lambda: np.zeros(len(ALPHAS)))
     truths: int = 0
     estimates: int = 0
@@ -84,8 +83,7 @@ def multi_object(sequences: Sequence[tuple[Tracks, Tracks]]) -> dict[str, float]
         counts.estimates += len(estimates.frames)
         if len(truth.frames) and len(estimates.frames):
             _add(counts, truth, estimates)
-    missed = counts.truths - counts.matches
-    detection = counts.matches / np.maximum(1.0, counts.matches + missed + counts.estimates - counts.matches)
+    detection = counts.matches / np.maximum(1.0, counts.truths + counts.estimates - counts.matches)
     association = counts.association / np.maximum(1.0, counts.matches)
     lost, false = counts.truths - counts.clear_matches, counts.estimates - counts.clear_matches
     return {

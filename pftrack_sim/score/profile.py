@@ -6,6 +6,7 @@ and from them.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Literal
@@ -73,6 +74,8 @@ class Profile:
 
 
 NUMBERS = tuple(field.name for field in fields(Profile))  # Names of the numbers of a profile
+_MEDIANS = ("ncc_to_first", "ncc_to_previous", "colour_change", "distinct_from_surround", "sharpness",
+            "camera_step_median_per_s")  # fmt: skip
 
 
 def recorded_quantiles() -> dict[str, tuple[float, ...]]:
@@ -112,10 +115,10 @@ class ProfileMeter:
         self._seen: list[bool] = []
         self._first_patch: NDArray[np.float64] | None = None
         self._first_colours: FloatArray | None = None
-        self._patches: list[NDArray[np.float64] | None] = []
+        self._patches: deque[NDArray[np.float64] | None] = deque(maxlen=_PATCHES_BETWEEN + 1)
         self._last_view: NDArray[np.float32] | None = None
         self._window = cv2.createHanningWindow(_CAMERA_VIEW, cv2.CV_32F)
-        self._values: dict[str, list[float]] = {name: [] for name in NUMBERS}
+        self._values: dict[str, list[float]] = {name: [] for name in _MEDIANS}
         self._grey: list[float] = []
 
     def add(self, time_s: float, image: Image, box: ArrayLike, visible: bool) -> None:
@@ -128,7 +131,7 @@ class ProfileMeter:
         self._seen.append(visible)
         grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
         self._add_camera(grey)
-        self._patches = [*self._patches[-_PATCHES_BETWEEN:], None]
+        self._patches.append(None)
         if visible and (area := _pixels(true_box, self._shape)) is not None:
             self._add_patch(grey[area])
             self._add_colours(image, true_box, area)
@@ -163,7 +166,7 @@ class ProfileMeter:
             size_share=float(np.median(size[seen]) / np.sqrt(np.prod(self._shape))),
             luma_swing=float(np.std(self._grey) / np.mean(self._grey)) if any(self._grey) else np.nan,
             camera_step_p95_per_s=_quantile(self._values["camera_step_median_per_s"], 0.95),
-            **{name: _quantile(self._values[name], 0.5) for name in _MEDIANS},
+            **{name: _quantile(values, 0.5) for name, values in self._values.items()},
         )
 
     def _add_camera(self, grey: NDArray[Any]) -> None:
@@ -181,8 +184,7 @@ class ProfileMeter:
         self._values["sharpness"].append(float(np.asarray(cv2.Laplacian(resized, cv2.CV_64F)).var()))
         first = self._first_patch = patch if self._first_patch is None else self._first_patch
         self._values["ncc_to_first"].append(_correlation(patch, first))
-        earlier = self._patches[0] if len(self._patches) > _PATCHES_BETWEEN else None
-        if earlier is not None:
+        if len(self._patches) > _PATCHES_BETWEEN and (earlier := self._patches[0]) is not None:
             self._values["ncc_to_previous"].append(_correlation(patch, earlier))
         self._patches[-1] = patch
 
@@ -199,16 +201,6 @@ class ProfileMeter:
         self._values["colour_change"].append(_distance(colours, self._first_colours))
         if ring.any():
             self._values["distinct_from_surround"].append(_distance(colours, _histogram(hsv, ring)))
-
-
-_MEDIANS = (
-    "ncc_to_first",
-    "ncc_to_previous",
-    "colour_change",
-    "distinct_from_surround",
-    "sharpness",
-    "camera_step_median_per_s",
-)
 
 
 def _pixels(box: FloatArray, shape: tuple[int, int]) -> tuple[slice, slice] | None:
