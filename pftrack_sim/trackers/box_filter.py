@@ -130,7 +130,7 @@ class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, SeenT]):
         p, particle_filter = self.params, self._filter
         sigma = p.sigma_px(self._state, p.held_noise if self._held else 1.0)
         particle_filter.predict(self._dynamics(sigma))
-        clip_states(particle_filter.states, image, MIN_SIZE_PX)
+        clip_states(particle_filter.states, image)
         # The next estimate lies among the particles, or is the previous one.
         near = boxes.from_states(np.concatenate([particle_filter.states, self._state[None]]))
         particles = near[:-1]
@@ -215,7 +215,7 @@ def noise_scales(state: FloatArray, unit: NoiseUnit) -> tuple[float, float, floa
     return math.sqrt(width * height), width, height
 
 
-def clip_states(states: FloatArray, image: Image, min_size: float | FloatArray) -> None:
+def clip_states(states: FloatArray, image: Image, min_size: float | FloatArray = MIN_SIZE_PX) -> None:
     """Clip `(N, 4+)` states in place: centres to the image, sizes to `min_size` [px] and twice the image."""
     height_px, width_px = image.shape[:2]
     low, high = np.zeros(4), np.array([width_px, height_px, 2.0 * width_px, 2.0 * height_px])

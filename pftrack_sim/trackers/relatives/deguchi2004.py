@@ -19,14 +19,7 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.box_filter import (
-    MIN_SIZE_PX,
-    TUNED_WALK,
-    USUAL_RATE,
-    WalkParameters,
-    WalkTracker,
-    clip_states,
-)
+from pftrack_sim.trackers.box_filter import TUNED_WALK, USUAL_RATE, WalkParameters, WalkTracker, clip_states
 from pftrack_sim.trackers.features.histogram import COLUMNS, ROWS, epanechnikov_layout, histogram, similarities
 from pftrack_sim.trackers.features.image_region import ImageRegion
 from pftrack_sim.trackers.features.mean_shift import Partition, area_histograms, mean_shift
@@ -84,7 +77,10 @@ class Deguchi2004(WalkTracker[Deguchi2004Parameters]):
 
     def _follow(self, image: Image) -> Estimate:
         p = self.params
-        particles = self._predict(image)
+        noise = p.lost_noise if self._lost else 1.0
+        self._filter.predict(RandomWalk(p.sigma_px(self._state, noise), p.size_correlation))
+        clip_states(self._filter.states, image)
+        particles = boxes.from_states(self._filter.states)
         box = boxes.from_states(self._state[None])
         # Mean shift may leave the particles behind by as much as a box.
         reach = np.concatenate([box[:, :2] - box[:, 2:], 3.0 * box[:, 2:]], axis=1)
@@ -102,18 +98,9 @@ class Deguchi2004(WalkTracker[Deguchi2004Parameters]):
         if not self._lost:
             self._usual += USUAL_RATE * (similarity - self._usual)
             self._filter.states[: round(p.seeded_share * p.particle_count)] = state
-        clip_states(state[None], image, MIN_SIZE_PX)
+        clip_states(state[None], image)
         self._state = state
         return Estimate(boxes.from_states(state), similarity, self._lost, particles if p.particles else None)
-
-    def _predict(self, image: Image) -> FloatArray:
-        """`(N, 4)` boxes [px] of the particles after their random walk."""
-        p = self.params
-        self._filter.predict(
-            RandomWalk(p.sigma_px(self._state, p.lost_noise if self._lost else 1.0), p.size_correlation)
-        )
-        clip_states(self._filter.states, image, MIN_SIZE_PX)
-        return boxes.from_states(self._filter.states)
 
     def _encode(self, image: Image, near: FloatArray) -> _Seen:
         """Colour codes of the region that `(N, 4)` boxes [px] touch, in blocks of about the points of a box."""

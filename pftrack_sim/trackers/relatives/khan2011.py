@@ -22,14 +22,7 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.box_filter import (
-    MIN_SIZE_PX,
-    TUNED_WALK,
-    USUAL_RATE,
-    WalkParameters,
-    WalkTracker,
-    clip_states,
-)
+from pftrack_sim.trackers.box_filter import TUNED_WALK, USUAL_RATE, WalkParameters, WalkTracker, clip_states
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
 from pftrack_sim.trackers.features.mean_shift import SIDE, Partition, area_histograms, mean_shift
 from pftrack_sim.trackers.features.pixel_codes import JOINT_COUNT, hsv_joint_codes
@@ -107,12 +100,12 @@ class Khan2011(WalkTracker[Khan2011Parameters]):
         p, particle_filter = self.params, self._filter
         walk = RandomWalk(p.sigma_px(self._state), p.size_correlation)
         particle_filter.predict(BoxWalk(walk, p.sigma_angle))
-        clip_states(particle_filter.states, image, MIN_SIZE_PX)
+        clip_states(particle_filter.states, image)
         region, codes = self._encode(image, particle_filter.states)
         local = _to_region(particle_filter.states, region)
         climbed = mean_shift(codes, local, self._partition, self._model, p.iteration_count, p.shape_gain)
         particle_filter.states = _to_image(climbed, region)
-        clip_states(particle_filter.states, image, MIN_SIZE_PX)
+        clip_states(particle_filter.states, image)
         similarities, _ = self._compare(codes, _to_region(particle_filter.states, region))
         particle_filter.weigh(p.sharpness * (similarities - 1.0))
         self._state = particle_filter.mean()
