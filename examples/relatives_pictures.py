@@ -24,6 +24,7 @@ from pftrack_sim.benchmark.running.rollout import detected, simulated
 from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Estimate, TrackedBoxes
 from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.trackers.features.integral import integral_image
 from pftrack_sim.trackers.relatives import khan2011 as khan2011_module
 from pftrack_sim.trackers.relatives.islam2009 import SHAPE, Islam2009
 from pftrack_sim.trackers.relatives.khan2011 import Khan2011
@@ -169,18 +170,17 @@ def sidibe2010(seed: int) -> plt.Figure:
     image, last, particles = episode[-1][0], found[-1].box, found[-1].particles
     assert particles is not None
     saliency = tracker.saliency(image)
-    density = np.diff(np.diff(saliency.integral[..., 0], axis=0), axis=1)
     figure, axes = plt.subplots(1, 4, figsize=(11.0, 2.9), layout="constrained", width_ratios=(4, 4, 1.3, 1.3))
     axes[0].imshow(image)
     axes[0].scatter(*(particles[:, :2] + 0.5 * particles[:, 2:] - 0.5).T, s=3, color="yellow", linewidths=0)
     axes[0].set_title("frame, particles, estimate")
-    axes[1].imshow(density, cmap="magma", extent=(-0.5, image.shape[1] - 0.5, image.shape[0] - 0.5, -0.5))
+    axes[1].imshow(saliency, cmap="magma", extent=(-0.5, image.shape[1] - 0.5, image.shape[0] - 0.5, -0.5))
     axes[1].set_title("saliency")
     margin, side = tracker.params.margin, tracker.params.cells
     for axis in axes[:2]:
         outline(axis, last, "white")
     outline(axes[1], np.concatenate([last[:2] - margin * last[2:], (1.0 + 2.0 * margin) * last[2:]]), "white", "--")
-    start, present = tracker._root_model**2, saliency.distributions(last[None])[0]
+    start, present = tracker._root_model**2, tracker.distributions(integral_image(saliency), last[None])[0]
     alike = np.sqrt(start * present).sum()
     for axis, shares, name in ((axes[2], start, "first box"), (axes[3], present, f"estimate,\nsimilarity {alike:.2f}")):
         axis.imshow(shares.reshape(side, side), cmap="magma", vmin=0.0, aspect=last[3] / last[2])

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, TypeAlias
 
@@ -128,29 +127,7 @@ def _negative_laplacian(height: int, width: int) -> NDArray[np.float32]:
     return out
 
 
-@dataclass(frozen=True, eq=False)
-class SaliencyMap:
-    """The saliency of one image.
-
-    Attributes:
-        integral: `(h + 1, w + 1, 1)` integral image of the map.
-        scale: `(4,)` factors from boxes in the image to boxes in the map.
-        rectangles: `(R, 4)` cells in shares of a box.
-    """
-
-    integral: FloatArray
-    scale: FloatArray
-    rectangles: FloatArray
-
-    def distributions(self, boxes: FloatArray) -> FloatArray:
-        """`(N, R)` share of the saliency of each cell, of `(N, 4)` boxes [px]; 0 where nothing is salient."""
-        channel = np.zeros(len(self.rectangles), np.intp)
-        means = np.maximum(rectangle_means(self.integral, boxes * self.scale, self.rectangles, channel), 0.0)
-        totals = means.sum(axis=1, keepdims=True)
-        return np.divide(means, totals, out=np.zeros_like(means), where=totals > 0.0)
-
-
-ColourAndSaliency: TypeAlias = tuple[EncodedRegion, SaliencyMap]
+ColourAndSaliency: TypeAlias = tuple[EncodedRegion, FloatArray]  # Of one frame; the integral image of the saliency
 
 
 class Sidibe2010(BoxFilterTracker[Sidibe2010Parameters, ColourAndSaliency]):
@@ -166,29 +143,34 @@ class Sidibe2010(BoxFilterTracker[Sidibe2010Parameters, ColourAndSaliency]):
         shrink = p.target_px / math.sqrt(float(box[2] * box[3]))
         columns = min(max(round(width * shrink), MAP_PX[0]), MAP_PX[1])
         self._size = (columns, max(round(height * columns / width), 1))
+        self._scale = np.tile([self._size[0] / width, self._size[1] / height], 2)
         self._blur_px = p.blur * math.sqrt(float(box[2] * box[3])) * columns / width
         edges = np.linspace(-p.margin, 1.0 + p.margin, p.cells + 1)
         x, y = np.meshgrid(edges[:-1], edges[:-1])
         side = np.full(x.size, edges[1] - edges[0])
         self._rectangles = np.column_stack([x.ravel(), y.ravel(), side, side])
         self._colours = HistogramModel((_COLOUR,), image, box)
-        self._root_model = np.sqrt(self.saliency(image).distributions(box[None])[0])
+        self._root_model = np.sqrt(self.distributions(integral_image(self.saliency(image)), box[None])[0])
 
-    def saliency(self, image: Image) -> SaliencyMap:
-        """The saliency of an image, at the scale that the first box gave."""
-        height, width = image.shape[:2]
-        found = spectral_residual(image, self._size, self._blur_px)
-        scale = np.tile([self._size[0] / width, self._size[1] / height], 2)
-        return SaliencyMap(integral_image(found), scale, self._rectangles)
+    def saliency(self, image: Image) -> FloatArray:
+        """The saliency of an image, at the scale that the first box gave; see `spectral_residual`."""
+        return spectral_residual(image, self._size, self._blur_px)
+
+    def distributions(self, integral: FloatArray, wanted: FloatArray) -> FloatArray:
+        """`(N, R)` share of the saliency of each cell, of `(N, 4)` boxes [px]; 0 where nothing is salient."""
+        channel = np.zeros(len(self._rectangles), np.intp)
+        means = np.maximum(rectangle_means(integral, wanted * self._scale, self._rectangles, channel), 0.0)
+        totals = means.sum(axis=1, keepdims=True)
+        return np.divide(means, totals, out=np.zeros_like(means), where=totals > 0.0)
 
     def observe(self, image: Image, near: FloatArray) -> ColourAndSaliency:
         """Colours and saliency of a frame."""
-        return self._colours.encode(image, near), self.saliency(image)
+        return self._colours.encode(image, near), integral_image(self.saliency(image))
 
     def similarities(self, seen: ColourAndSaliency, wanted: FloatArray) -> FloatArray:
         """`(2, N)` Bhattacharyya similarities of colour and of saliency of `(N, 4)` boxes [px]."""
         colours, saliency = seen
-        salient = np.minimum(np.sqrt(saliency.distributions(wanted)) @ self._root_model, 1.0)
+        salient = np.minimum(np.sqrt(self.distributions(saliency, wanted)) @ self._root_model, 1.0)
         return np.stack([colours.similarities(wanted)[0], salient])
 
     def log_likelihood(self, seen: ColourAndSaliency, wanted: FloatArray) -> FloatArray:
