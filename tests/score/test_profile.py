@@ -78,6 +78,13 @@ def test_light_scales_the_grey_and_not_the_pattern():
     assert found.colour_change == pytest.approx(0.5, abs=0.01)  # Half of the frames share no bin with the first.
 
 
+def test_a_cloth_is_compared_with_that_of_three_frames_before():
+    cloths = [np.roll(CLOTH, 7 * index, axis=0) for index in range(3)]
+    found = profile([(*painted(40, 40, cloths[index % 3]), True) for index in range(8)])
+    assert found.ncc_to_previous == pytest.approx(1.0)
+    assert found.ncc_to_first < 0.6
+
+
 def test_frames_without_the_target_and_steps_to_them_are_left_out():
     near, far = painted(10, 20), painted(100, 60)
     still = [(*near, True)] * 4

@@ -91,6 +91,13 @@ def test_a_method_of_one_histogram_is_the_proposed_one_without_the_other(
         assert one.confidence == pytest.approx(other.confidence, abs=1e-9)
 
 
+def test_each_histogram_has_its_own_lambda(scene: Scene):
+    images, truth = scene
+    changes = ({}, {"lambda_colour": 90.0}, {"lambda_texture": 90.0})
+    same, other, sharper = (followed_boxes("ko2012-cslbp", images, truth[0], **given).tolist() for given in changes)
+    assert same == other != sharper
+
+
 @pytest.mark.parametrize("name", ["ko2012-rgb", "ko2012-hsv"])
 def test_corners_count_only_without_a_kernel(name: str):
     """A change in a corner, outside the inscribed ellipse, has an effect only without the kernel.

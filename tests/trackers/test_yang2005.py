@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim import trackers
+from pftrack_sim.trackers.features.image_region import crop
 from pftrack_sim.trackers.relatives.yang2005 import STAGES, CascadeRegion, Yang2005, orientation_channels
 from tests.trackers.following import Scene
 
@@ -56,6 +57,15 @@ def test_one_particle_survives_the_smallest_shares(scene: Scene):
     particles = spread(scene[1][1], 3)
     least = {"keep_colour": 0.01, "keep_orientation": 0.01, "keep_haar": 0.01}
     assert np.isfinite(log_likelihood(scene, particles, **least)).sum() == 1
+
+
+def test_haar_features_compare_halves_and_thirds_of_the_box_and_of_its_quarters():
+    image, box = np.zeros((48, 48, 3), np.uint8), np.array([[0.0, 0, 48, 48]])
+    image[24:, 32:40] = 255  # the middle third of the lower right quarter
+    whole, *others, quarter = CascadeRegion(crop(image, box)).features("haar", box)[0].reshape(5, 3)
+    assert np.allclose(whole, [-1 / 6, -1 / 6, -1 / 8], rtol=0, atol=1e-9)
+    assert np.allclose(others, 0.0, rtol=0, atol=1e-9)
+    assert np.allclose(quarter, [0.0, 0.0, 1.0], rtol=0, atol=1e-9)
 
 
 def ramp(direction_deg: float) -> np.ndarray:
