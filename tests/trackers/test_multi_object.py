@@ -62,6 +62,8 @@ def test_two_people_who_pass_each_other_keep_their_identities(name: str):
     for _ in range(2):
         estimates, tracks = follow(made(name), shown, truth[0])
         assert {tuple(sorted(tracks[index].identities.tolist())) for index in late} == {(1, 2)}
+        appeared = list(dict.fromkeys(one for frame in tracks for one in frame.identities.tolist()))
+        assert appeared == [1, 2], "numbered in the order of appearance"
         runs.append(np.array([one.box for one in estimates]))
     assert min(pairwise_iou(runs[0], truth)[list(late)]) > 0.6
     assert np.array_equal(*runs)

@@ -1,7 +1,6 @@
 """Adapters of public libraries: pyxtrackers (ByteTrack, OC-SORT) and norfair; the extra `mot`.
 
-Parameters are those of the library, with its defaults. Identities are numbered anew in the order of appearance, since
-both libraries count through all trackers of a process.
+Parameters are those of the library, with its defaults. Identities are numbered anew in the order of appearance.
 """
 
 from __future__ import annotations
