@@ -36,7 +36,7 @@ from pftrack_sim.trackers.parameters import Count, NotNegative, Positive, Share
 MIN_SIZE_SHARE = 0.1
 """Least size of a particle as a share of the first box, which does not depend on the image's resolution."""
 _LAYOUT = distance_layout(ROWS, COLUMNS, 1, JOINT_COUNT)
-_Seen: TypeAlias = tuple[ImageRegion, NDArray[np.uint8], NDArray[np.uint8]]
+_Seen: TypeAlias = tuple[ImageRegion, NDArray[np.uint8], NDArray[np.uint8] | None]
 
 
 class Lee2012Parameters(OnlineFeatureParameters):
@@ -199,17 +199,17 @@ class Lee2012(BaseTracker):
         return reliable
 
     def _encode(self, image: Image, near: FloatArray) -> _Seen:
-        """The region of `(N, 4)` boxes [px] in blocks, its colour codes and its grey; later boxes lie in their hull."""
+        """The region of `(N, 4)` boxes [px] in blocks, its colour codes, and its grey if used."""
         region = block_means(image, near, block_size(self._first_size, self._state[2:4], (COLUMNS, ROWS)))
-        grey = np.asarray(cv2.cvtColor(region.pixels, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-        return region, hsv_joint_codes(region.pixels), grey
+        grey = cv2.cvtColor(region.pixels, cv2.COLOR_RGB2GRAY) if self._method.uses_hog else None
+        return region, hsv_joint_codes(region.pixels), None if grey is None else np.asarray(grey, dtype=np.uint8)
 
     def _features(self, seen: _Seen, wanted: FloatArray) -> list[FloatArray]:
         """Colour `(N, 256)` and, if used, HOG `(N, 192)` of `(N, 4)` boxes [px]."""
         region, codes, grey = seen
         local = region.to_region(wanted)
         colour = histograms(codes, local, _LAYOUT)
-        return [colour, hog(grey, local)] if self._method.uses_hog else [colour]
+        return [colour] if grey is None else [colour, hog(grey, local)]
 
     def _noise(self) -> tuple[float, float, float, float]:
         """Half the range of the noise of w, h, vx, vy per frame [px]."""
