@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.camera.pinhole import camera_matrix, focal_and_centre
+from pftrack_sim.camera.pinhole import focal_and_centre
 from pftrack_sim.camera.projection import LensNumbers, project
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
@@ -62,7 +62,8 @@ class Lens:
 
     def __init__(self, K: ArrayLike, coefficients: Sequence[float], size: tuple[int, int]) -> None:
         self.size = size
-        self.K = camera_matrix(np.asarray(K), *size)
+        focal_and_centre(K)  # Raises for what is no camera matrix.
+        self.K = np.array(K, dtype=np.float64)
         self.coefficients = np.array(coefficients, dtype=np.float64)
         if self.coefficients.shape not in ((4,), (5,), (8,)) or not np.isfinite(self.coefficients).all():
             raise ParameterError(

@@ -46,14 +46,6 @@ def intrinsics(width_px: int, height_px: int, fovy_rad: float) -> FloatArray:
     return np.array([[focal, 0.0, 0.5 * width_px], [0.0, focal, 0.5 * height_px], [0.0, 0.0, 1.0]])
 
 
-def camera_matrix(K: ArrayLike | float, width_px: int, height_px: int) -> FloatArray:
-    """`(3, 3)` camera matrix [px], given as such or as the vertical field of view [rad]."""
-    if np.ndim(K) == 0:
-        return intrinsics(width_px, height_px, float(np.asarray(K)))
-    focal_and_centre(K)
-    return np.array(K, dtype=np.float64)
-
-
 def focal_and_centre(K: ArrayLike) -> Intrinsics:
     """Focal lengths fx, fy and principal point cx, cy of a camera matrix [px].
 

@@ -48,13 +48,13 @@ class Renderer(ABC):
 
     @abstractmethod
     def color(
-        self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float, *, rows: slice | None = None
+        self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike, *, rows: slice | None = None
     ) -> Image:
         """Draw a new `(H, W, 3)` uint8 RGB image, or only its `rows` (start and stop).
 
         `data` is an `MjData` of the model with up-to-date poses (`mj_forward`, or `mj_kinematics` and `mj_camlight`),
         `T_world_camera` the `(4, 4)` camera pose (x right, y down, z forward), and `K` the `(3, 3)` camera matrix of
-        the whole image [px] or the vertical field of view [rad].
+        the whole image [px].
         """
 
     @abstractmethod

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pftrack_sim.camera.pinhole import camera_matrix
+from pftrack_sim.camera.pinhole import focal_and_centre
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.photometry import LUMINANCE
@@ -65,7 +65,7 @@ class TruthObserver:
     Args:
         model: The model.
         people: Names, the target's first.
-        K: `(3, 3)` camera matrix [px], or a vertical field of view [rad].
+        K: `(3, 3)` camera matrix [px].
         size: Width and height of the images.
         parts: Names of the parts that the target's boxes enclose; empty for the whole body.
         targets: Names of further targets, of whom truth is told also out of view; so is the first one's with them.
@@ -78,14 +78,15 @@ class TruthObserver:
         self,
         model: mujoco.MjModel,
         people: Sequence[str],
-        K: ArrayLike | float,
+        K: ArrayLike,
         size: tuple[int, int],
         parts: Sequence[str] = (),
         targets: Sequence[str] = (),
     ) -> None:
         if not people:
             raise ParameterError("truth needs the name of at least one person, the target's first")
-        self._size, self._K = size, frozen_array(camera_matrix(K, *size))
+        focal_and_centre(K)  # Raises for what is no camera matrix.
+        self._size, self._K = size, frozen_array(K)
         self._people = tuple(people)
         owners = np.array(body_owners(model))
         geom_owners = owners[model.geom_bodyid]

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from pftrack_sim.camera.pinhole import (
-    camera_matrix,
     focal_and_centre,
     frustum,
     intrinsics,
@@ -42,14 +41,6 @@ def test_the_frustum_bounds_exactly_the_rectangle(rect: tuple[int, int, int, int
     assert np.allclose(project(corners, K), [[left, top], [left + width, top + height]], atol=1e-9)
 
 
-def test_a_matrix_or_a_field_of_view_names_the_same_camera():
-    K = intrinsics(64, 48, 0.7)
-    assert np.array_equal(camera_matrix(0.7, 64, 48), K)
-    copied = camera_matrix(K, 64, 48)
-    assert np.array_equal(copied, K)
-    assert copied is not K
-
-
 @pytest.mark.parametrize(
     "call",
     [
@@ -61,7 +52,7 @@ def test_a_matrix_or_a_field_of_view_names_the_same_camera():
         lambda: frustum((1.0, 1.0, 0.0, 0.0), 10, 10, 0.0, 1.0),
         lambda: focal_and_centre(np.eye(4)),
         lambda: focal_and_centre(np.diag([1.0, -1.0, 1.0])),
-        lambda: camera_matrix([[1, 0.1, 0], [0, 1, 0], [0, 0, 1]], 4, 4),
+        lambda: focal_and_centre([[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]),
     ],
 )
 def test_invalid_cameras_raise(call):

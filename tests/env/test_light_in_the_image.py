@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim import scenario
+from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.camera.sensor import Sensor
 from pftrack_sim.core.photometry import DISPLAY_GAMMA, LUMINANCE
 from pftrack_sim.render.gl.rasteriser import Rasteriser
@@ -16,6 +17,7 @@ from pftrack_sim.scene.build import build_stage
 from pftrack_sim.scene.lighting import Lighting
 
 WIDTH, HEIGHT, RATE_HZ = 64, 48, 30.0
+K = intrinsics(WIDTH, HEIGHT, np.deg2rad(50.0))
 FACING = np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2.0], [0, 0, 0, 1]], dtype=np.float64)
 """Camera 2 m above the card, looking down."""
 
@@ -45,7 +47,7 @@ class Card:
         self.renderer = Rasteriser(self.model, WIDTH, HEIGHT)
 
     def draw(self, pose: np.ndarray = FACING) -> np.ndarray:
-        return self.renderer.color(self.data, pose, np.deg2rad(50.0))
+        return self.renderer.color(self.data, pose, K)
 
     def shoot(self, axis: LightAxis, frames: int) -> np.ndarray:
         """`(frames, 3)` mean linear red, green and blue, as the simulation exposes them."""

@@ -304,7 +304,7 @@ def test_opening_and_closing_does_not_leak_memory():
         if index % 30 == 0:
             open_context().close()
         with Rasteriser(stage.model, 64, 48) as renderer:
-            renderer.color(stage.data, POSE, 0.9)
+            renderer.color(stage.data, POSE, K)
 
     assert_memory_stays(once)
 

@@ -29,12 +29,6 @@ def test_images_without_shadows_agree_with_the_renderer_of_mujoco(seed: int, dra
             assert differ.mean() < 1e-3
 
 
-def test_a_field_of_view_gives_the_same_image_as_its_camera_matrix(drawing: Drawing):
-    stage = build()
-    renderer, pose = drawing(stage), looking((0, 0, 1.2), (5, 0, 1))
-    assert np.array_equal(renderer.color(stage.data, pose, K), renderer.color(stage.data, pose, 0.9))
-
-
 def test_rows_agree_with_the_same_rows_of_the_whole_image(drawing: Drawing):
     rng = np.random.default_rng(5)
     for seed in range(3):
@@ -65,7 +59,7 @@ def test_the_image_size_is_independent_of_the_offscreen_size_of_the_model():
     for size in ((33, 17), (700, 500)):
         with Rasteriser(stage.model, *size) as renderer:
             pose = looking((0, 0, 1.2), (5, 0, 1))
-            assert renderer.color(stage.data, pose, 0.9).shape == (size[1], size[0], 3)
+            assert renderer.color(stage.data, pose, K).shape == (size[1], size[0], 3)
 
 
 def test_invalid_arguments_raise(drawing: Drawing):
@@ -74,6 +68,8 @@ def test_invalid_arguments_raise(drawing: Drawing):
     for wrong in (np.eye(3), np.full((4, 4), np.nan)):
         with pytest.raises(ParameterError, match="T_world_camera"):
             renderer.color(stage.data, wrong, K)
+    with pytest.raises(ParameterError, match="K must"):
+        renderer.color(stage.data, np.eye(4), np.eye(4))
     with pytest.raises(ParameterError, match="width"):
         Rasteriser(stage.model, 0, 5)
 

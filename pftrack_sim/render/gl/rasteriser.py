@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.camera.pinhole import camera_matrix, frustum
+from pftrack_sim.camera.pinhole import frustum
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray, IntArray
@@ -93,13 +93,13 @@ class Rasteriser(Renderer):
         self._scene = None
 
     def color(
-        self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float, *, rows: slice | None = None
+        self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike, *, rows: slice | None = None
     ) -> Image:
         """See `Renderer`. Edges of an image of rows may differ from the whole image by the rounding of subpixels."""
         if self._scene is None:
             problem = "has no model: rebind it" if self._finalizer.alive else "has been closed"
             raise RenderError(f"this renderer {problem}")
-        matrix, height = camera_matrix(K, self.width_px, self.height_px), self.height_px
+        matrix, height = np.array(K, dtype=np.float64), self.height_px
         if rows is not None:
             matrix[1, 2] -= rows.start
             height = rows.stop - rows.start

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
-from pftrack_sim.camera.pinhole import camera_matrix, focal_and_centre
+from pftrack_sim.camera.pinhole import focal_and_centre
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
 from pftrack_sim.render.renderer import Renderer, checked_poses, clip_depths_m, geoms_drawn
@@ -56,7 +56,7 @@ class Raycaster(Renderer):
         self._arrays: SceneArrays | None = None
 
     def color(
-        self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike | float, *, rows: slice | None = None
+        self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike, *, rows: slice | None = None
     ) -> Image:
         """Draw a new `(H, W, 3)` uint8 RGB image, or only its `rows` (start and stop)."""
         arrays, camera, width = self._bound_arrays(), self._camera(T_world_camera, K), self.width_px
@@ -81,12 +81,11 @@ class Raycaster(Renderer):
             raise RenderError("this renderer has been closed" if closed else "this renderer has no model: rebind it")
         return self._arrays
 
-    def _camera(self, T_world_camera: ArrayLike, K: ArrayLike | float) -> Any:
-        """A camera at a `(4, 4)` pose, with a camera matrix [px] or a vertical field of view [rad]."""
+    def _camera(self, T_world_camera: ArrayLike, K: ArrayLike) -> Any:
+        """A camera at a `(4, 4)` pose, with a camera matrix [px]."""
         pose = checked_poses(T_world_camera)
         camera = rays.Camera()
         camera.eye, camera.rotation = wp.vec3(*pose[:3, 3].tolist()), wp.mat33(*pose[:3, :3].ravel().tolist())
-        lens = focal_and_centre(camera_matrix(K, self.width_px, self.height_px))
-        camera.focal_centre = wp.vec4(*(float(value) for value in lens))
+        camera.focal_centre = wp.vec4(*focal_and_centre(K))
         camera.near, camera.far = self._clip_m
         return camera
