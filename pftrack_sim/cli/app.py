@@ -14,9 +14,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from pftrack_sim.cli import authoring, datasets, limits, measuring, reading, running, tables
+from pftrack_sim.cli import authoring, datasets, limits, measuring, options, reading, running, tables
 from pftrack_sim.cli.examples import epilog
-from pftrack_sim.cli.options import AllowTruth, Backend, Isolation, Params, Preset, Settings
 from pftrack_sim.cli.progress import progress_bar
 from pftrack_sim.cli.values import parse_settings, parse_trackers
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
@@ -52,7 +51,7 @@ def _print_version(wanted: bool) -> None:
 
 
 @app.callback()
-def options(
+def program(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
@@ -103,8 +102,8 @@ def list_names(
 
 
 def render(
-    scenario: Annotated[str, typer.Argument(help="Scenario: a name or the path of a TOML file.")],
-    seed: Annotated[int, typer.Option(min=0, help="Root seed of the episode.")] = 0,
+    scenario: options.ScenarioName,
+    seed: options.EpisodeSeed = 0,
     video: Annotated[Path | None, typer.Option(help="MP4 to write.")] = None,
     image: Annotated[Path | None, typer.Option(help="PNG to write: one frame.")] = None,
     log: Annotated[Path | None, typer.Option(help="Log to write: .rrd (Rerun) or .mcap (ROS 2).")] = None,
@@ -114,12 +113,12 @@ def render(
         str | None,
         typer.Option("--trackers", "--tracker", metavar="A,B", help="Draw the boxes of these trackers, and the truth."),
     ] = None,
-    preset: Preset = "default",
-    params: Params = None,
-    settings: Settings = None,
-    backend: Backend = None,
-    isolation: Isolation = "auto",
-    allow_truth: AllowTruth = "",
+    preset: options.Preset = "default",
+    params: options.Params = None,
+    settings: options.Settings = None,
+    backend: options.Backend = None,
+    isolation: options.Isolation = "auto",
+    allow_truth: options.AllowTruth = "",
 ) -> None:
     """Render an episode as a video, or a frame as an image."""
     from pftrack_sim import scenario as scenarios
@@ -206,8 +205,8 @@ def _frame_ms(backend: str) -> float:
 def trax(
     tracker: Annotated[str, typer.Argument(help="Tracker: name or name[key=value,...].")],
     seed: Annotated[int, typer.Option(min=0, help="Seed of the tracker.")] = 0,
-    preset: Preset = "default",
-    params: Params = None,
+    preset: options.Preset = "default",
+    params: options.Params = None,
 ) -> None:
     """Serve a tracker to a program that speaks TraX.
 

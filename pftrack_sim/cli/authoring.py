@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pftrack_sim.cli import tables
-from pftrack_sim.cli.options import Settings
+from pftrack_sim.cli import options, tables
 from pftrack_sim.cli.values import parse_settings
 from pftrack_sim.core.errors import ParameterError, ScenarioError
 
@@ -30,10 +29,10 @@ def new(file: Annotated[Path, typer.Argument(help="TOML file to write.")]) -> No
 
 
 def draw_map(
-    scenario: Annotated[str, typer.Argument(help="Scenario: a name or the path of a TOML file.")],
-    seed: Annotated[int, typer.Option(min=0, help="Root seed of the episode.")] = 0,
+    scenario: options.ScenarioName,
+    seed: options.EpisodeSeed = 0,
     out: Annotated[Path | None, typer.Option(help="SVG or PNG to write.")] = None,
-    settings: Settings = None,
+    settings: options.Settings = None,
 ) -> None:
     """Draw an episode from above, with what is suspicious.
 

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pftrack_sim.cli import tables
-from pftrack_sim.cli.options import AxisLevels, Backend, BenchSeeds, Seeds, SequenceLayout, Settings, Workers
-from pftrack_sim.cli.progress import cores, progress_bar
+from pftrack_sim.cli import options, tables
+from pftrack_sim.cli.progress import progress_bar
 from pftrack_sim.cli.values import parse_axes, parse_names, parse_settings
 from pftrack_sim.core.errors import ParameterError
 
@@ -26,14 +25,14 @@ _MOST_SEQUENCES = 40
 
 
 def export(
-    scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
+    scenarios: options.ScenarioNames,
     out: Annotated[Path, typer.Option(help="Folder of the data set; the same command resumes it.")],
     layout: Annotated[
         str, typer.Option("--format", help="otb, lasot, got10k, vot, mot, coco, kitti or webdataset.")
     ] = "otb",
-    seeds: BenchSeeds = None,
-    axis: AxisLevels = None,
-    settings: Settings = None,
+    seeds: options.BenchSeeds = None,
+    axis: options.AxisLevels = None,
+    settings: options.Settings = None,
     image: Annotated[
         str | None,
         typer.Option(
@@ -51,8 +50,8 @@ def export(
     detections: Annotated[
         bool, typer.Option("--detections", help="Write what the detector finds into det/det.txt; --format mot.")
     ] = False,
-    workers: Workers = None,
-    backend: Backend = None,
+    workers: options.Workers = options.CORES,
+    backend: options.Backend = None,
 ) -> None:
     """Write episodes as a data set in a public layout.
 
@@ -69,7 +68,6 @@ def export(
         overrides=parse_settings(settings or []),
     )
     kinds = parse_names(maps) if maps is not None else []
-    chosen = workers if workers is not None else cores()
     with progress_bar("writing sequences", plan.episode_count) as tick:
         export_plan(
             plan,
@@ -79,7 +77,7 @@ def export(
             quality=quality,
             maps=kinds,
             detections=detections,
-            workers=chosen,
+            workers=workers,
             backend=backend,
             on_sequence=tick,
         )
@@ -107,7 +105,7 @@ def export_results(
 def score(
     results: Annotated[Path, typer.Argument(help="Folder of result files, of this or of another toolkit.")],
     dataset: Annotated[Path, typer.Option(help="Folder of the data set, or of one sequence.")],
-    layout: SequenceLayout = None,
+    layout: options.SequenceLayout = None,
     form: Annotated[
         str | None, typer.Option("--results-format", help="otb, got10k, vot or mot; default: found by the files.")
     ] = None,
@@ -167,11 +165,11 @@ def profile(
         list[str],
         typer.Argument(help="Scenarios and suites (names or paths of TOML files), and folders of recorded sequences."),
     ],
-    seeds: Seeds = "0:2",
-    axis: AxisLevels = None,
-    settings: Settings = None,
-    backend: Backend = None,
-    layout: SequenceLayout = None,
+    seeds: options.Seeds = "0:2",
+    axis: options.AxisLevels = None,
+    settings: options.Settings = None,
+    backend: options.Backend = None,
+    layout: options.SequenceLayout = None,
     out: Annotated[Path | None, typer.Option(help="Folder for profile.json and the figure profile.png.")] = None,
 ) -> None:
     """Measure how hard scenarios and sequences are.

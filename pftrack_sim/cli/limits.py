@@ -11,7 +11,7 @@ import typer
 
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.options import RunOptions, with_run_options
-from pftrack_sim.cli.progress import cores, progress_bar, show_run
+from pftrack_sim.cli.progress import progress_bar, show_run
 from pftrack_sim.cli.values import parse_names, parse_percent, parse_ranges
 from pftrack_sim.core.errors import ParameterError
 
@@ -106,7 +106,7 @@ def limit(
             plan,
             searches,
             path,
-            workers=run.workers if run.workers is not None else cores(),
+            workers=run.workers,
             scheduler=run.scheduler,
             backend=run.backend,
             isolation=run.isolation,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -18,13 +19,17 @@ if TYPE_CHECKING:
     from pftrack_sim.benchmark import Plan, TrackerSpec
     from pftrack_sim.trackers.isolation import Limits
 
+ScenarioName = Annotated[str, typer.Argument(help="Scenario: a name or the path of a TOML file.")]
+ScenarioNames = Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")]
+EpisodeSeed = Annotated[int, typer.Option(min=0, help="Root seed of the episode.")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the scenario; may be repeated."),
 ]
 Seeds = Annotated[str, typer.Option(metavar="SEEDS", help="Seeds: 3, 0:20 (20 excluded) or 1,5,9.")]
-Trackers = Annotated[
-    str, typer.Option("--trackers", "--tracker", metavar="A,B", help="Trackers: name or name[key=value,...].")
+BenchSeeds = Annotated[
+    str | None,
+    typer.Option(metavar="SEEDS", help="3, 0:20 (20 excluded) or 1,5,9; default: 0:5, or a suite's own."),
 ]
 Preset = Annotated[str, typer.Option(help="Preset of the trackers: default or paper.")]
 Params = Annotated[
@@ -42,48 +47,6 @@ Backend = Annotated[
         "--backend",
         help="gl, egl, osmesa, warp, or none (follow: no images); default: OpenGL if it loads, else warp.",
     ),
-]
-BenchTrackers = Annotated[
-    str | None,
-    typer.Option(
-        "--trackers",
-        "--tracker",
-        metavar="A,B",
-        help="Trackers: name or name[key=value,...]; default: a suite's, or ko2012,opencv-mil,stay (follow: oracle).",
-    ),
-]
-BenchSeeds = Annotated[
-    str | None,
-    typer.Option(metavar="SEEDS", help="3, 0:20 (20 excluded) or 1,5,9; default: 0:5, or a suite's own."),
-]
-BenchPreset = Annotated[
-    str | None, typer.Option(help="Preset of the trackers: default or paper; default: default; a suite's own.")
-]
-ScoredBox = Annotated[
-    str, typer.Option(metavar="BOX", help="Score against the truth's box, amodal_box or visible_box.")
-]
-Out = Annotated[
-    Path | None,
-    typer.Option(help="Run folder; the same command resumes it, another one adds to it. Default: a new one in runs/."),
-]
-Refresh = Annotated[
-    bool,
-    typer.Option(
-        "--refresh",
-        help="Run again what is in the folder under the same name but was made with other code.",
-    ),
-]
-StopOnError = Annotated[
-    bool,
-    typer.Option("--stop-on-error", "--stop-on-failure", help="Stop after the first episode in which a tracker fails."),
-]
-Cache = Annotated[
-    bool,
-    typer.Option("--cache", help="Keep rendered frames and take them from there: a changed tracker runs at once."),
-]
-CacheFolder = Annotated[Path | None, typer.Option(help="Folder of --cache; default: ~/.cache/pftrack-sim/frames.")]
-CacheLimit = Annotated[
-    float, typer.Option(metavar="GB", help="Size of --cache; what was not used for longest goes first.")
 ]
 SequenceLayout = Annotated[
     str | None,
@@ -111,33 +74,10 @@ BoxNoise = Annotated[
 Starts = Annotated[
     int, typer.Option(min=1, metavar="K", help="They start at K moments, a K-th of the episode apart (OTB's TRE).")
 ]
-Anchors = Annotated[
-    int | None,
-    typer.Option(
-        min=2,
-        metavar="K",
-        help="They start at K moments from the first to the last frame, and run forward from those of the first half "
-        "and backward from the others (VOT 2020's anchors, one each 50 frames): accuracy, robustness, EAO.",
-    ),
-]
-Search = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="[TRACKER.]KEY=V,V",
-        help="Try these values of a tracker's parameter on --search-seeds; the best run on --seeds. May be repeated.",
-    ),
-]
-SearchSeeds = Annotated[str | None, typer.Option(metavar="SEEDS", help="Seeds of --search; none of --seeds.")]
-Videos = Annotated[str, typer.Option(help="first (seed of each scenario), all, worst:N (of each tracker), or none.")]
-Log = Annotated[
-    str,
-    typer.Option(
-        metavar="A,B", help="Logs of the first seeds (--videos all: of all): rerun, mcap; each needs its extra."
-    ),
-]
-Workers = Annotated[int | None, typer.Option(min=0, help="Worker processes; default: one per core.")]
-Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead.")]
-Part = Annotated[str, typer.Option(metavar="K/N", help="Only the K-th of N parts; see merge.")]
+Workers = Annotated[int, typer.Option(min=0, show_default=False, help="Worker processes; default: one per core.")]
+CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+"""Number of cores available to this process."""
+
 Isolation = Annotated[
     str,
     typer.Option(
@@ -148,45 +88,96 @@ AllowTruth = Annotated[
     str,
     typer.Option(metavar="A,B", help="Trackers of your own that may ask for the true box; their rows are marked."),
 ]
-FrameLimit = Annotated[float, typer.Option(help="Time limit per frame of isolated trackers.")]
-MemoryLimit = Annotated[float, typer.Option(help="Memory limit of each isolated tracker; 0 is no limit.")]
-ProgressMode = Annotated[str, typer.Option(help="bar, lines, json or quiet; default is bar on a terminal.")]
-Verbose = Annotated[
-    bool, typer.Option("--verbose", help="Also say what a suite's or scenario's own settings cut off its episodes.")
-]
 
 
 @dataclass(frozen=True)
 class RunOptions:
     """What is typed for a run besides its scenarios; each field is an option of the command line."""
 
-    trackers: BenchTrackers = None
+    trackers: Annotated[
+        str | None,
+        typer.Option(
+            "--trackers",
+            "--tracker",
+            metavar="A,B",
+            help="Trackers: name or name[key=value,...]; default: a suite's, or ko2012,opencv-mil,stay (follow: "
+            "oracle).",
+        ),
+    ] = None
     params: Params = None
     seeds: BenchSeeds = None
     axis: AxisLevels = None
     box_noise: BoxNoise = 0.0
     starts: Starts = 1
-    anchors: Anchors = None
+    anchors: Annotated[
+        int | None,
+        typer.Option(
+            min=2,
+            metavar="K",
+            help="They start at K moments from the first to the last frame, and run forward from those of the first "
+            "half and backward from the others (VOT 2020's anchors, one each 50 frames): accuracy, robustness, EAO.",
+        ),
+    ] = None
     settings: Settings = None
-    preset: BenchPreset = None
-    truth: ScoredBox = "box"
-    out: Out = None
-    videos: Videos = "first"
-    log: Log = ""
+    preset: Annotated[
+        str | None, typer.Option(help="Preset of the trackers: default or paper; default: default; a suite's own.")
+    ] = None
+    truth: Annotated[
+        str, typer.Option(metavar="BOX", help="Score against the truth's box, amodal_box or visible_box.")
+    ] = "box"
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Run folder; the same command resumes it, another one adds to it. Default: a new one in runs/."
+        ),
+    ] = None
+    videos: Annotated[
+        str, typer.Option(help="first (seed of each scenario), all, worst:N (of each tracker), or none.")
+    ] = "first"
+    log: Annotated[
+        str,
+        typer.Option(
+            metavar="A,B", help="Logs of the first seeds (--videos all: of all): rerun, mcap; each needs its extra."
+        ),
+    ] = ""
     backend: Backend = None
-    workers: Workers = None
-    scheduler: Scheduler = None
-    part: Part = "1/1"
+    workers: Workers = CORES
+    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead.")] = None
+    part: Annotated[str, typer.Option(metavar="K/N", help="Only the K-th of N parts; see merge.")] = "1/1"
     isolation: Isolation = "auto"
     allow_truth: AllowTruth = ""
-    frame_limit_s: FrameLimit = 60.0
-    memory_limit_mb: MemoryLimit = 4096.0
-    refresh: Refresh = False
-    stop_on_error: StopOnError = False
-    progress: ProgressMode = ""
-    verbose: Verbose = False
-    search: Search = None
-    search_seeds: SearchSeeds = None
+    frame_limit_s: Annotated[float, typer.Option(help="Time limit per frame of isolated trackers.")] = 60.0
+    memory_limit_mb: Annotated[float, typer.Option(help="Memory limit of each isolated tracker; 0 is no limit.")] = (
+        4096.0
+    )
+    refresh: Annotated[
+        bool,
+        typer.Option(
+            "--refresh", help="Run again what is in the folder under the same name but was made with other code."
+        ),
+    ] = False
+    stop_on_error: Annotated[
+        bool,
+        typer.Option(
+            "--stop-on-error", "--stop-on-failure", help="Stop after the first episode in which a tracker fails."
+        ),
+    ] = False
+    progress: Annotated[str, typer.Option(help="bar, lines, json or quiet; default is bar on a terminal.")] = ""
+    verbose: Annotated[
+        bool,
+        typer.Option("--verbose", help="Also say what a suite's or scenario's own settings cut off its episodes."),
+    ] = False
+    search: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[TRACKER.]KEY=V,V",
+            help="Try these values of a tracker's parameter on --search-seeds; the best run on --seeds. May be "
+            "repeated.",
+        ),
+    ] = None
+    search_seeds: Annotated[str | None, typer.Option(metavar="SEEDS", help="Seeds of --search; none of --seeds.")] = (
+        None
+    )
 
     @property
     def limits(self) -> Limits:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import shlex
 import signal
 import sys
@@ -26,11 +25,6 @@ if TYPE_CHECKING:
 MODES = ("bar", "lines", "json", "quiet")
 
 _LINE_EVERY_S = 5.0
-
-
-def cores() -> int:
-    """Number of cores available to this process."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

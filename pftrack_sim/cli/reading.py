@@ -17,9 +17,8 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from pftrack_sim.cli import tables
-from pftrack_sim.cli.options import Isolation, Workers
-from pftrack_sim.cli.progress import cores, progress_bar, show_run
+from pftrack_sim.cli import options, tables
+from pftrack_sim.cli.progress import progress_bar, show_run
 from pftrack_sim.cli.values import parse_names
 from pftrack_sim.core.errors import ParameterError, RunError
 from pftrack_sim.core.memory import memory_limit
@@ -180,8 +179,8 @@ def submit(
     verify: Annotated[
         bool, typer.Option("--verify", help="Play a random twentieth of a submission's episodes again, and compare.")
     ] = False,
-    workers: Workers = None,
-    isolation: Isolation = "auto",
+    workers: options.Workers = options.CORES,
+    isolation: options.Isolation = "auto",
 ) -> None:
     """Make or check a file of a tracker's results on a suite.
 
@@ -209,7 +208,7 @@ def submit(
     what = f"{paths[0]}: {found.label} on {about.suite}, {len(found.rows)} episodes"
     tables.print_lines([what, *(f"  {one}" for one in wrong), *(["refused"] if wrong else [])])
     if verify and not wrong:
-        wrong = _play_again(found, tracker, cores() if workers is None else workers, isolation)
+        wrong = _play_again(found, tracker, workers, isolation)
     raise typer.Exit(1 if wrong else 0)
 
 

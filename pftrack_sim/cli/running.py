@@ -9,27 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pftrack_sim.cli import tables
-from pftrack_sim.cli.options import (
-    AllowTruth,
-    Backend,
-    BoxNoise,
-    Cache,
-    CacheFolder,
-    CacheLimit,
-    Isolation,
-    Params,
-    Preset,
-    RunOptions,
-    Seeds,
-    SequenceLayout,
-    Settings,
-    Starts,
-    Trackers,
-    with_run_options,
-)
-from pftrack_sim.cli.options import starts as start_shares
-from pftrack_sim.cli.progress import cores, progress_bar, show_run
+from pftrack_sim.cli import options, tables
+from pftrack_sim.cli.options import RunOptions, with_run_options
+from pftrack_sim.cli.progress import progress_bar, show_run
 from pftrack_sim.cli.reading import write_page
 from pftrack_sim.cli.values import parse_latency, parse_names, parse_part, parse_search, parse_settings, parse_trackers
 from pftrack_sim.core.errors import ParameterError, RunError
@@ -44,10 +26,17 @@ _WORST = 5
 
 @with_run_options
 def bench(
-    scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
-    cache: Cache = False,
-    cache_folder: CacheFolder = None,
-    cache_gb: CacheLimit = 20.0,
+    scenarios: options.ScenarioNames,
+    cache: Annotated[
+        bool,
+        typer.Option("--cache", help="Keep rendered frames and take them from there: a changed tracker runs at once."),
+    ] = False,
+    cache_folder: Annotated[
+        Path | None, typer.Option(help="Folder of --cache; default: ~/.cache/pftrack-sim/frames.")
+    ] = None,
+    cache_gb: Annotated[
+        float, typer.Option(metavar="GB", help="Size of --cache; what was not used for longest goes first.")
+    ] = 20.0,
     *,
     run: RunOptions,
 ) -> None:
@@ -64,16 +53,16 @@ def bench(
 
 
 def _searched(
-    scenarios: list[str], options: RunOptions, cache: FrameCache | None = None, **more: Any
+    scenarios: list[str], asked: RunOptions, cache: FrameCache | None = None, **more: Any
 ) -> tuple[Plan, RunOptions]:
     """The plan of these scenarios; where a search is asked for, with the parameters that are best on its seeds."""
     from pftrack_sim.benchmark import new_run_path, parse_seeds
     from pftrack_sim.report.tables import over_seeds, range_text
 
-    plan, search, seeds = options.plan(scenarios, **more), options.search or [], options.search_seeds
+    plan, search, seeds = asked.plan(scenarios, **more), asked.search or [], asked.search_seeds
     if not search and seeds is None:
-        return plan, options
-    specs = options.specs
+        return plan, asked
+    specs = asked.specs
     if not search or seeds is None or specs is None:
         raise ParameterError(
             "a search needs --trackers, --search and --search-seeds, for example --search-seeds 100:110"
@@ -81,17 +70,17 @@ def _searched(
     if shared := sorted({one.seed for one in plan.episodes()} & set(parse_seeds(seeds))):
         raise ParameterError(f"--search-seeds must be none of the seeds of the report, got {shared[0]} in both")
     grids = parse_search(search, [one.name for one in specs])
-    options = replace(options, out=options.out or new_run_path(plan))
-    assert options.out is not None
-    path = options.out.with_name(f"{options.out.name}-search")
+    asked = replace(asked, out=asked.out or new_run_path(plan))
+    assert asked.out is not None
+    path = asked.out.with_name(f"{asked.out.name}-search")
     tried = {
         spec.base_label: [spec.model_copy(update={"params": {**spec.params, **more}}) for more in grids[spec.name]]
         for spec in specs
         if spec.name in grids
     }
-    searched = options.plan(scenarios, [one for own in tried.values() for one in own], seeds, **more)
+    searched = asked.plan(scenarios, [one for own in tried.values() for one in own], seeds, **more)
     measure = "mean_overlap" if plan.kind == "open" else "follow_tracking_rate"
-    found = _execute(searched, replace(options, videos="none", log=""), path, cache)
+    found = _execute(searched, replace(asked, videos="none", log=""), path, cache)
     means = {
         one.base_label: over_seeds(measure, (by for by in found.results if by.tracker.base_label == one.base_label))
         for own in tried.values()
@@ -103,10 +92,10 @@ def _searched(
         f"{range_text(means[one.base_label])}; all: {path}"
         for label, one in best.items()
     )
-    return options.plan(scenarios, [best.get(spec.base_label, spec) for spec in specs], **more), options
+    return asked.plan(scenarios, [best.get(spec.base_label, spec) for spec in specs], **more), asked
 
 
-def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> None:
+def _run(plan: Plan, asked: RunOptions, cache: FrameCache | None = None) -> None:
     """Run a plan, print its results, and write the report."""
     from pftrack_sim.benchmark import RunStore, new_run_path
     from pftrack_sim.benchmark.asked.from_names import late_events
@@ -114,12 +103,12 @@ def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> No
     from pftrack_sim.benchmark.kept.folder import is_run
     from pftrack_sim.core.text import one_line
 
-    tables.print_warnings(late_events(plan, None if options.verbose else options.changed))
-    path = options.out if options.out is not None else new_run_path(plan)
+    tables.print_warnings(late_events(plan, None if asked.verbose else asked.changed))
+    path = asked.out if asked.out is not None else new_run_path(plan)
     more = held_besides(RunStore(path).plan, plan) if is_run(path) else ""
     if more:
         tables.print_warnings([f"{path} holds more than is asked for, and all of it is run and shown: {more}"])
-    finished = _execute(plan, options, path, cache)
+    finished = _execute(plan, asked, path, cache)
     tables.print_run(plan, finished)
     tables.print_standing(finished)
     tables.print_folder(path)
@@ -136,35 +125,34 @@ def _run(plan: Plan, options: RunOptions, cache: FrameCache | None = None) -> No
     if cache is not None:
         size_gb, limit_gb = cache.size_bytes / 1e9, cache.limit_bytes / 1e9
         tables.print_lines([f"cache: {size_gb:.2f} GB of {limit_gb:g} GB in {cache.folder}"])
-    if options.stop_on_error and not finished.finished:
+    if asked.stop_on_error and not finished.finished:
         tables.print_lines(["stopped after the first error; without --stop-on-error the same command runs the rest"])
     tables.print_next(finished)
     raise typer.Exit(1 if any(one.error for one in finished.results) else 0)
 
 
-def _execute(plan: Plan, options: RunOptions, path: Path, cache: FrameCache | None) -> RunStore:
+def _execute(plan: Plan, asked: RunOptions, path: Path, cache: FrameCache | None) -> RunStore:
     """Say what a plan is, and run it."""
     from pftrack_sim.benchmark import run
 
-    workers = options.workers if options.workers is not None else cores()
-    counts = {"episode": plan.episode_count, "tracker": len(plan.trackers), "worker": workers}
+    counts = {"episode": plan.episode_count, "tracker": len(plan.trackers), "worker": asked.workers}
     if len(plan.conditions) > 1:
         counts = {"episode": counts.pop("episode"), "condition": len(plan.conditions), **counts}
     what = ", ".join(f"{count} {name}{'s' if count != 1 else ''}" for name, count in counts.items())
-    with show_run(options.progress, path, what) as on_progress:
+    with show_run(asked.progress, path, what) as on_progress:
         return run(
             plan,
             path,
-            workers=workers,
-            scheduler=options.scheduler,
-            videos=options.videos,
-            logs=parse_names(options.log) if options.log else (),
-            backend=options.backend,
-            isolation=options.isolation,
-            limits=options.limits,
-            part=parse_part(options.part),
-            refresh=options.refresh,
-            stop_on_error=options.stop_on_error,
+            workers=asked.workers,
+            scheduler=asked.scheduler,
+            videos=asked.videos,
+            logs=parse_names(asked.log) if asked.log else (),
+            backend=asked.backend,
+            isolation=asked.isolation,
+            limits=asked.limits,
+            part=parse_part(asked.part),
+            refresh=asked.refresh,
+            stop_on_error=asked.stop_on_error,
             cache=cache,
             on_progress=on_progress,
         )
@@ -172,7 +160,7 @@ def _execute(plan: Plan, options: RunOptions, path: Path, cache: FrameCache | No
 
 @with_run_options
 def follow(
-    scenarios: Annotated[list[str], typer.Argument(help="Suites or scenarios: names or paths of TOML files.")],
+    scenarios: options.ScenarioNames,
     controllers: Annotated[
         str | None,
         typer.Option(
@@ -223,7 +211,7 @@ def film(
     tracker: Annotated[str | None, typer.Option(help="Only the worst of this tracker: its name or label.")] = None,
     loss: Annotated[bool, typer.Option("--loss", help="Only episodes that end with the target lost.")] = False,
     failed: Annotated[bool, typer.Option("--failed", help="Only drives without success, with their causes.")] = False,
-    backend: Backend = None,
+    backend: options.Backend = None,
 ) -> None:
     """Film the worst episodes of a run.
 
@@ -263,15 +251,17 @@ def evaluate(
     sequences: Annotated[
         list[Path], typer.Argument(help="Sequences: folders, see --format, or of data sets; ROS 2 bags or video files.")
     ],
-    tracker: Trackers = "ko2012",
-    seeds: Seeds = "0:5",
-    preset: Preset = "default",
-    params: Params = None,
+    tracker: Annotated[
+        str, typer.Option("--trackers", "--tracker", metavar="A,B", help="Trackers: name or name[key=value,...].")
+    ] = "ko2012",
+    seeds: options.Seeds = "0:5",
+    preset: options.Preset = "default",
+    params: options.Params = None,
     video: Annotated[
         Path | None,
         typer.Option(help="MP4 of every tracker's boxes at the first seed; a folder for several sequences."),
     ] = None,
-    layout: SequenceLayout = None,
+    layout: options.SequenceLayout = None,
     topics: Annotated[
         str,
         typer.Option(
@@ -282,10 +272,10 @@ def evaluate(
         str | None,
         typer.Option(metavar="X,Y,W,H|FILE", help="Box of a video's first frame, or a file with it or one per frame."),
     ] = None,
-    box_noise: BoxNoise = 0.0,
-    starts: Starts = 1,
-    isolation: Isolation = "auto",
-    allow_truth: AllowTruth = "",
+    box_noise: options.BoxNoise = 0.0,
+    starts: options.Starts = 1,
+    isolation: options.Isolation = "auto",
+    allow_truth: options.AllowTruth = "",
 ) -> None:
     """Run trackers on recorded sequences with true boxes."""
     from pftrack_sim.benchmark import parse_seeds
@@ -304,7 +294,7 @@ def evaluate(
             contestants,
             chosen,
             box_noise=box_noise,
-            starts=start_shares(starts),
+            starts=options.starts(starts),
             video=video,
             isolation=checked_isolation(isolation),
             on_frame=tick,
@@ -324,7 +314,7 @@ def studio(
         str | None,
         typer.Option(metavar="X,Y,W,H", help="Box in a video's first frame, or a file of boxes; without: draw one."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Root seed of the episode.")] = 0,
+    seed: options.EpisodeSeed = 0,
     trackers: Annotated[
         str, typer.Option("--trackers", "--tracker", metavar="A,B", help="Trackers that run from the start.")
     ] = "ko2012,pftrack",
@@ -335,11 +325,11 @@ def studio(
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port, or the next free one above; 0: any.")] = 8765,
     pages: Annotated[int, typer.Option(min=1, max=100, help="How many pages may be open at once.")] = 4,
     paused: Annotated[bool, typer.Option("--paused", help="Do not play from the start.")] = False,
-    preset: Preset = "default",
-    settings: Settings = None,
-    backend: Backend = None,
-    isolation: Isolation = "auto",
-    allow_truth: AllowTruth = "",
+    preset: options.Preset = "default",
+    settings: options.Settings = None,
+    backend: options.Backend = None,
+    isolation: options.Isolation = "auto",
+    allow_truth: options.AllowTruth = "",
 ) -> None:
     """Watch trackers live in the browser.
 
