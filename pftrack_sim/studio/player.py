@@ -6,6 +6,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Any
 
 from pftrack_sim.core.errors import PftrackError
@@ -37,67 +38,50 @@ class Player:
         """What happened last."""
         self.frames_per_s = 0.0
         """Of the last frames played; 0 while paused."""
-        self._requests: queue.SimpleQueue[Callable[[Any], Any]] = queue.SimpleQueue()
+        self._requests: queue.SimpleQueue[tuple[Callable[[Any], Any], Future[Any]]] = queue.SimpleQueue()
         self._stop = threading.Event()
-        self._ready = threading.Event()
-        self._failure: BaseException | None = None
         self._times: list[float] = []
-        self._thread = threading.Thread(target=self._run, args=(make,), name="pftrack-sim studio", daemon=True)
+        made = Future[None]()
+        self._thread = threading.Thread(target=self._run, args=(make, made), name="pftrack-sim studio", daemon=True)
         self._thread.start()
-        self._ready.wait()
-        if self._failure is not None:
-            raise self._failure
+        made.result()
 
     @property
     def moment(self) -> Moment:
         """The frame shown last."""
         return self.session.moment
 
-    def request(self, action: Callable[[Any], Any]) -> None:
-        """Let the session do something before the next frame; a sentence that it returns becomes the status."""
-        self._requests.put(action)
+    def request(self, action: Callable[[Any], Any]) -> Future[Any]:
+        """Let the session do something before the next frame; a sentence that it returns becomes the status.
+
+        Returns:
+            Its result, or its error, once there is one.
+        """
+        result = Future[Any]()
+        self._requests.put((action, result))
+        return result
 
     def ask(self, action: Callable[[Any], Any], timeout_s: float = 60.0) -> Any:
         """As `request`, but wait for the result.
 
         Raises:
-            PftrackError: The action's own error.
+            Exception: The action's own error.
             TimeoutError: Nothing came back in time.
         """
-        answer: queue.SimpleQueue[tuple[Any, PftrackError | None]] = queue.SimpleQueue()
-
-        def answered(session: TrackedSession) -> Any:
-            try:
-                result = action(session)
-            except PftrackError as error:
-                self.status = str(error)
-                answer.put((None, error))
-                raise
-            answer.put((result, None))
-            return result
-
-        self.request(answered)
-        try:
-            result, error = answer.get(timeout=timeout_s)
-        except queue.Empty:
-            raise TimeoutError(f"the session did not answer within {timeout_s:g} s") from None
-        if error is not None:
-            raise error
-        return result
+        return self.request(action).result(timeout_s)
 
     def close(self) -> None:
         """Stop the thread and close the session. Closing twice is fine."""
         self._stop.set()
         self._thread.join()
 
-    def _run(self, make: Callable[[], TrackedSession]) -> None:
+    def _run(self, make: Callable[[], TrackedSession], made: Future[None]) -> None:
         try:
             self.session = make()
         except BaseException as error:  # noqa: BLE001 - raised again in the thread that made the player
-            self._failure = error
+            made.set_exception(error)
             return
-        finally:
-            self._ready.set()
+        made.set_result(None)
         try:
             while not self._stop.is_set():
                 self._handle(_IDLE_S if not self.playing else 0.0)
@@ -109,25 +93,24 @@ class Player:
     def _handle(self, wait_s: float) -> None:
         """Do everything that was asked for; wait so long for the first request."""
         try:
-            action = self._requests.get(timeout=wait_s) if wait_s else self._requests.get_nowait()
+            action, result = self._requests.get(timeout=wait_s) if wait_s else self._requests.get_nowait()
             while True:
-                self._do(action)
-                action = self._requests.get_nowait()
+                self._do(action, result)
+                action, result = self._requests.get_nowait()
         except queue.Empty:
             return
 
-    def _do(self, action: Callable[[Any], Any]) -> bool:
+    def _do(self, action: Callable[[Any], Any], result: Future[Any]) -> bool:
         """Whether the session did something; the status is what it said, or why not."""
         try:
             said = action(self.session)
-        except PftrackError as error:
-            self.status = str(error)
-            return False
         except Exception as error:  # noqa: BLE001 - a third-party tracker may raise anything; the page says so
-            self.status = describe_error(error)
+            self.status = str(error) if isinstance(error, PftrackError) else describe_error(error)
+            result.set_exception(error)
             return False
         if isinstance(said, str):
             self.status = said
+        result.set_result(said)
         return True
 
     def _play(self) -> None:
@@ -136,7 +119,7 @@ class Player:
             self.playing, self.frames_per_s, self.status = False, 0.0, "The episode is over."
             return
         start_s, before_s = time.perf_counter(), session.moment.frame.time_s
-        if not self._do(lambda session: session.advance()):
+        if not self._do(lambda session: session.advance(), Future()):
             self.playing = False
             return
         self._times = [*self._times[1 - _RATE_OVER :], time.perf_counter()]
