@@ -106,21 +106,14 @@ class Controls:
 
     def track(self, person: str) -> None:
         """Track this person from now on."""
-
-        def select(session: Session) -> str:
-            session.select(person)
-            return f"Tracking {person}."
-
         self.past = None
-        self._player.request(select)
+        self._player.request(lambda session: session.select(person))
 
     def click(self, x: float, y: float) -> None:
         """Track the person, if any, at these shares of the picture's width and height."""
-        moment, session = self.shown, self._player.session
-        if not isinstance(session, Session):
-            return
+        moment = self.shown
         height, width = moment.frame.image.shape[:2]
-        person = session.person_at(moment, x * width, y * height)
+        person = self._player.session.person_at(moment, x * width, y * height)
         if person is not None:
             self.track(person)
 
@@ -139,14 +132,8 @@ class Controls:
         if self._player.session.settings.driver != HAND:
             return
         command = self._pad.read()
-        if command is None:
-            return
-
-        def drive(session: Session) -> str:
-            session.hand = command
-            return _by_hand(session)
-
-        self._player.request(drive)
+        if command is not None:
+            self._player.request(lambda session: session.drive(command))
 
     def _add_controls(self, panel: Any) -> None:
         gui, settings, simulated = self._gui, self._player.session.settings, self._player.session.simulated
@@ -291,12 +278,7 @@ class Controls:
 
     def _restart(self, moment: Moment | None) -> None:
         self.past = None
-
-        def restart(session: TrackedSession) -> str:
-            session.restart(moment)
-            return f"Restarted at {session.moment.frame.time_s:.2f} s; trackers start anew."
-
-        self._player.request(restart)
+        self._player.request(lambda session: session.restart(moment))
 
     def _look_back(self) -> None:
         if self._player.playing:
@@ -314,10 +296,10 @@ class Controls:
         def press(session: Session) -> str:
             if session.settings.driver != HAND:
                 return "Keys drive the robot while it is driven by hand."
-            session.hand = np.zeros(4) if part is None else session.hand.copy()
+            command = np.zeros(4) if part is None else session.hand.copy()
             if part is not None:
-                session.hand[part] = min(1.0, max(-1.0, session.hand[part] + sign * _STEP))
-            return _by_hand(session)
+                command[part] = np.clip(command[part] + sign * _STEP, -1.0, 1.0)
+            return session.drive(command)
 
         self._player.request(press)
 
@@ -354,11 +336,6 @@ def _plain(text: str) -> str:
     Errors and names are those of third-party code, and the page would render their HTML, scripts included.
     """
     return "".join(one if one.isalnum() or one == " " else f"&#{ord(one)};" for one in text)
-
-
-def _by_hand(session: Session) -> str:
-    forward, turn, pan, tilt = session.hand
-    return f"By hand: forward {forward:+.2f}, turn {turn:+.2f}, pan {pan:+.2f}, tilt {tilt:+.2f}."
 
 
 def _shared(settings: Settings) -> dict[str, Any]:

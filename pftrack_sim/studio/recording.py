@@ -12,7 +12,7 @@ import numpy as np
 
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, check_trackers
 from pftrack_sim.core.boxes import NO_BOX
-from pftrack_sim.core.errors import ParameterError, SequenceError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError, SequenceError
 from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.records import Frame, Image, Truth
 from pftrack_sim.core.types import FloatArray
@@ -141,7 +141,7 @@ class RecordedSession(TrackedSession):
         self._show(frame, None if frame.truth.scored else last)
         return "Trackers start with the true box, else with the last box of the first tracker, else with a drawn one."
 
-    def restart(self, moment: Moment | None = None) -> None:
+    def restart(self, moment: Moment | None = None) -> str:
         """See `TrackedSession`."""
         index = 0 if moment is None else moment.frame.index
         frame = self._frame(index)
@@ -152,10 +152,7 @@ class RecordedSession(TrackedSession):
         self._set_runners(self.settings.trackers)
         self._ended = False
         self._show(frame)
-
-    def select(self, person: str) -> None:
-        """Raise `UnknownNameError`: a recording has only its target."""
-        raise UnknownNameError("person", person, self.people)
+        return self._restarted
 
     def close(self) -> None:
         """Close the source, and end the trackers' processes."""

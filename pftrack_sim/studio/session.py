@@ -13,7 +13,7 @@ import numpy as np
 from pftrack_sim import controllers, policies
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, check_trackers
 from pftrack_sim.controllers import Controller
-from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Frame, Truth
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.simulation.simulation import LIVE_AXES, Simulation
@@ -115,32 +115,16 @@ class Session(TrackedSession):
         self.settings = settings
         return said
 
-    def restart(self, moment: Moment | None = None) -> None:
-        """Start again at a moment that was shown, or at the first frame; trackers start anew there.
-
-        From there on the frames are those of the present settings to the bit.
-        """
+    def restart(self, moment: Moment | None = None) -> str:
+        """See `TrackedSession`; from there on the frames are those of the present settings to the bit."""
         self._restart(self.settings, () if moment is None else self._commands[: moment.periods])
+        return self._restarted
 
-    def select(self, person: str) -> None:
-        """Track this person from now on.
-
-        Raises:
-            UnknownNameError: No person has this name.
-        """
-        if person not in self.people:
-            raise UnknownNameError("person", person, self.people)
-        self._person = person
-        self._set_runners(self.settings.trackers)
-        self._show_again()
-
-    def person_at(self, moment: Moment, x_px: float, y_px: float) -> str | None:
-        """Name of the nearest person whose box contains a point of the image, or None."""
-        for one in sorted(moment.frame.people, key=lambda one: one.distance_m):
-            x, y, width, height = one.box
-            if x <= x_px < x + width and y <= y_px < y + height:
-                return one.name
-        return None
+    def drive(self, command: FloatArray) -> str:
+        """Take a `(4,)` command of a person who drives, see `hand`, and say it in a sentence."""
+        self.hand = command
+        forward, turn, pan, tilt = command
+        return f"By hand: forward {forward:+.2f}, turn {turn:+.2f}, pan {pan:+.2f}, tilt {tilt:+.2f}."
 
     def close(self) -> None:
         """Free the renderer and end the trackers' processes."""

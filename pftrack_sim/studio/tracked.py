@@ -17,7 +17,7 @@ from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.benchmark.running.sinks import video_writer
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, TrackerRunner, make_runners
 from pftrack_sim.core import boxes
-from pftrack_sim.core.errors import BoxError
+from pftrack_sim.core.errors import BoxError, UnknownNameError
 from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.records import Estimate, Frame, Image, Truth
 from pftrack_sim.core.types import FloatArray
@@ -139,12 +139,33 @@ class TrackedSession(ABC):
         """Take other settings, and say in a sentence what was done."""
 
     @abstractmethod
-    def restart(self, moment: Moment | None = None) -> None:
-        """Start again at a moment that was shown, or at the first frame; trackers start anew there."""
+    def restart(self, moment: Moment | None = None) -> str:
+        """Start again at a moment that was shown, or at the first frame, with trackers anew, and say so."""
 
     @abstractmethod
     def _show(self, frame: Frame, drawn: FloatArray | None = None) -> None:
         """Show a frame to the trackers, which start with a drawn box where there is one."""
+
+    def select(self, person: str) -> str:
+        """Track this person from now on, and say so.
+
+        Raises:
+            UnknownNameError: No person has this name.
+        """
+        if person not in self.people:
+            raise UnknownNameError("person", person, self.people)
+        self._person = person
+        self._set_runners(self.settings.trackers)
+        self._show_again()
+        return f"Tracking {person}."
+
+    def person_at(self, moment: Moment, x_px: float, y_px: float) -> str | None:
+        """Name of the nearest person whose box contains a point of the image, or None."""
+        for one in sorted(moment.frame.people, key=lambda one: one.distance_m):
+            x, y, width, height = one.box
+            if x <= x_px < x + width and y <= y_px < y + height:
+                return one.name
+        return None
 
     def select_box(self, box: ArrayLike) -> str:
         """Start all trackers with a box on the present frame.
@@ -196,6 +217,10 @@ class TrackedSession(ABC):
     def errors(self) -> list[str]:
         """Trackers that failed, and why."""
         return [f"{one.spec.label}: {one.error}" for one in self._runners if one.error is not None]
+
+    @property
+    def _restarted(self) -> str:
+        return f"Restarted at {self.moment.frame.time_s:.2f} s; trackers start anew."
 
     def _set_runners(self, trackers: Sequence[TrackerSpec]) -> None:
         made = make_runners(trackers, seed=self.settings.seed, isolation=self._isolation)
