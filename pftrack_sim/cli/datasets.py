@@ -18,7 +18,6 @@ from pftrack_sim.core.errors import ParameterError
 if TYPE_CHECKING:
     from pftrack_sim.benchmark.datasets.results import Scored
     from pftrack_sim.scenario import Scenario
-    from pftrack_sim.score import Summary
     from pftrack_sim.score.profile import Profile
 
 _MOST_SEQUENCES = 40
@@ -127,15 +126,13 @@ def score(
 
 def _print_scored(found: Scored) -> None:
     """Print the overlap on each sequence, our measures over all, the benchmark's own, and comparisons in pairs."""
-    from pftrack_sim.report.tables import Table, benchmark_table, number_text, range_text
+    from pftrack_sim.report.tables import Table, benchmark_table, grouped, number_text, range_text
     from pftrack_sim.score import INTERVALS, VERDICTS, mean_summary
 
     tables.print_warnings(found.misread)
-    repetitions: dict[tuple[str, str], list[Summary]] = {}
-    for one in found.results:
-        repetitions.setdefault((one.sequence, one.tracker.label), []).append(one.summary)
     # Repetitions on one sequence are no independent results: a sequence counts once, by their mean.
-    means = {key: mean_summary(own) for key, own in repetitions.items()}
+    repetitions = grouped(found.results, lambda one: (one.sequence, one.tracker.label))
+    means = {key: mean_summary([one.summary for one in own]) for key, own in repetitions.items()}
     sequences, trackers = (list(dict.fromkeys(key[place] for key in means)) for place in (0, 1))
     if len(sequences) <= _MOST_SEQUENCES:
         rows = [

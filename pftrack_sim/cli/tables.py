@@ -54,12 +54,10 @@ console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty
 
 def print_bench(results: Sequence[Result]) -> None:
     """Print the overlap of each tracker in each episode and over all seeds, and how everybody in view was tracked."""
-    from pftrack_sim.report.tables import people, row_name
+    from pftrack_sim.report.tables import grouped, people, row_name
 
     _print_episodes(results)
-    groups: dict[tuple[str, str], list[Result]] = {}
-    for one in results:
-        groups.setdefault((f"{one.scenario}, {one.condition.name}", one.label), []).append(one)
+    groups = grouped(results, lambda one: (f"{one.scenario}, {one.condition.name}", one.label))
     named = {(place, row_name(label, own)): [one.measures for one in own] for (place, label), own in groups.items()}
     print_groups("frames in which the target is visible", named)
     _print_slowest((one.label, where(one), one.measures) for one in results)
@@ -72,12 +70,11 @@ def print_bench(results: Sequence[Result]) -> None:
 
 def _print_errors(errors: Iterable[tuple[str, str, str]]) -> None:
     """Print a line for each tracker and error, from labels, places and errors."""
-    places: dict[tuple[str, str], list[str]] = {}
-    for label, where, error in errors:
-        places.setdefault((label, error), []).append(where)
+    from pftrack_sim.report.tables import grouped
+
     lines = [
-        f"{label} ended with an error on {own[0]}{f' and {len(own) - 1} more' if own[1:] else ''}, {error}"
-        for (label, error), own in places.items()
+        f"{label} ended with an error on {own[0][1]}{f' and {len(own) - 1} more' if own[1:] else ''}, {error}"
+        for (label, error), own in grouped(errors, lambda one: (one[0], one[2])).items()
     ]
     print_lines(_first(lines))
 
@@ -201,14 +198,12 @@ def print_losses(shares: Mapping[str, LossShares]) -> None:
 def print_recorded(results: Sequence[RecordedResult]) -> None:
     """Print the scores of each tracker on each sequence, over all seeds."""
     from pftrack_sim.benchmark.datasets.recorded import misread_of
+    from pftrack_sim.report.tables import grouped
     from pftrack_sim.score import mean_summary
 
-    by_seed: dict[tuple[str, str, int], list[Summary]] = {}
-    for one in results:
-        by_seed.setdefault((one.sequence, one.tracker.label, one.seed), []).append(one.summary)
-    groups: dict[tuple[str, str], list[Summary]] = {}
-    for (sequence, label, _), starts in by_seed.items():
-        groups.setdefault((sequence, label), []).append(mean_summary(starts))
+    by_seed = grouped(results, lambda one: (one.sequence, one.tracker.label, one.seed))
+    means = {key: mean_summary([one.summary for one in own]) for key, own in by_seed.items()}
+    groups = {place: [means[key] for key in keys] for place, keys in grouped(means, lambda key: key[:2]).items()}
     starts = max(map(len, by_seed.values()), default=1)
     print_groups("frames with a known box" + (f", means of {starts} starts" if starts > 1 else ""), groups)
     _print_slowest((one.tracker.label, f"{one.sequence} seed {one.seed}", one.summary) for one in results)

@@ -15,14 +15,13 @@ from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
 from pftrack_sim.benchmark.datasets.results import Scored
-from pftrack_sim.benchmark.kept.checksums import Checksums
 from pftrack_sim.benchmark.kept.files import csv_text, write_bytes
 from pftrack_sim.benchmark.said.claims import evaluate_claims
 from pftrack_sim.benchmark.said.readings import misread_trackers
 from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.contents import contents, scored_contents
-from pftrack_sim.report.html import render
+from pftrack_sim.report.html import render, write_page
 from pftrack_sim.report.strips import strips
 from pftrack_sim.report.tables import anchors, benchmark_table, claim_text, paper_tables
 
@@ -47,10 +46,7 @@ def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -
     """
     store = RunStore(path)
     page = _page(store, contents(store, on_episode))
-    target = path / "report.html"
-    write_bytes(target, page.encode())
-    Checksums(path).update(target.name)
-    return target
+    return write_page(path / "report.html", page)
 
 
 def _page(store: RunStore, data: Mapping[str, Any]) -> str:
@@ -92,9 +88,8 @@ def write_scored(found: Scored, out: Path, sources: Mapping[str, str]) -> Path:
     contents, benchmark = scored_contents(found), benchmark_table(found)
     several = len(contents["scenarios"]) > 1
     page = _render(out.resolve().name, contents, several, benchmark=benchmark, how=how, misread=found.misread)
-    write_bytes(out / "report.html", page.encode())
     write_bytes(out / "results.csv", csv_text(list(rows[0]), [list(row.values()) for row in rows]).encode())
-    return out / "report.html"
+    return write_page(out / "report.html", page)
 
 
 def _render(title: str, data: Mapping[str, Any], several: bool, **values: Any) -> str:

@@ -13,15 +13,13 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
-from pftrack_sim.benchmark.kept.checksums import Checksums
-from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.benchmark.reading.losses import TAGS, loss_shares, tag_title
 from pftrack_sim.benchmark.said.comparison import Difference, EpisodeDifference, RunComparison
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import read_frames
-from pftrack_sim.report.html import render
+from pftrack_sim.report.html import render, write_page
 from pftrack_sim.report.tables import number_text, range_text
 from pftrack_sim.score.events import occlusions
 
@@ -76,10 +74,7 @@ def write_comparison(first: RunStore, second: RunStore, found: RunComparison, ta
         ],
         largest=_episode(first, second, found, largest, target.parent) if largest else None,
     )
-    write_bytes(target, page.encode())
-    if target.parent.resolve() in (first.path.resolve(), second.path.resolve()):
-        Checksums(target.parent).update(target.name)
-    return target
+    return write_page(target, page)
 
 
 def remarks(found: RunComparison) -> list[str]:

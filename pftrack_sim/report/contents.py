@@ -20,6 +20,7 @@ from pftrack_sim.benchmark.said.degradation import degradation, levels_of
 from pftrack_sim.core.palette import GREY, STAY, Style, styles_of
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.report.following import following_episodes, video_link
+from pftrack_sim.report.tables import grouped
 from pftrack_sim.score.events import occlusions
 from pftrack_sim.score.statistics import Comparison
 
@@ -116,10 +117,7 @@ def read_frames(store: RunStore, results: Iterable[Result]) -> dict[str, Tracker
 
 def by_episode(results: Iterable[Result]) -> dict[tuple[str, str, int], list[Result]]:
     """Results by scenario, condition and seed."""
-    grouped: dict[tuple[str, str, int], list[Result]] = {}
-    for result in results:
-        grouped.setdefault((result.scenario, result.condition.name, result.seed), []).append(result)
-    return grouped
+    return grouped(results, lambda one: (one.scenario, one.condition.name, one.seed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,10 +143,10 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
     trackers = list(dict.fromkeys(result.label for result in results))
     scenarios = list(dict.fromkeys(result.scenario for result in results))
     conditions = list(dict.fromkeys(result.condition for result in results))
-    grouped = by_episode(results)
+    by_key = by_episode(results)
 
     def episodes() -> Iterator[tuple[dict[str, Any], list[_Shown]]]:
-        for its_results in grouped.values():
+        for its_results in by_key.values():
             frames = read_frames(store, its_results)
             first = its_results[0]
             episode = _episode(store, first, frames[first.label])
@@ -156,7 +154,7 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
             yield episode, [_Shown(one.label, one.values, one.error, frames[one.label]) for one in its_results]
             on_episode()
 
-    numbers = {key: number for number, key in enumerate(grouped)}
+    numbers = {key: number for number, key in enumerate(by_key)}
     swept = degradation(store)
     return {
         **_board(trackers, store.plan.labels, episodes()),
@@ -227,7 +225,7 @@ def _board(
     """
     rows: list[tuple[int, int, Mapping[str, Any], str | None]] = []
     slowest: dict[int, tuple[float, int, int, float]] = {}
-    curves: dict[tuple[int, int, int], _Counts] = {}
+    shown: dict[tuple[int, int, int], list[TrackerFrames]] = {}
     told: list[dict[str, Any]] = []
     for number, (episode, its_trackers) in enumerate(episodes):
         for one in its_trackers:
@@ -237,7 +235,7 @@ def _board(
             if ms is not None and frame is not None and ms > slowest.get(tracker, (0.0,))[0]:
                 slowest[tracker] = ms, number, int(frame), round(float(one.frames.time_s[int(frame)]), 3)
             at = (tracker, episode["scenario"], episode["condition"])
-            curves.setdefault(at, _Counts()).add(one.frames)
+            shown.setdefault(at, []).append(one.frames)
             episode["overlap"][tracker] = _packed(one.frames.overlap)
         told.append(episode)
     most = max(len({one[key] for one in told}) for key in ("seed", "scenario"))
@@ -257,7 +255,7 @@ def _board(
             [tracker, number, *(_json(values.get(name)) for name in measures), error]
             for tracker, number, values, error in rows
         ],
-        "curves": [[*at, *counts.as_lists()] for at, counts in curves.items()],
+        "curves": [[*at, *_counts(frames)] for at, frames in shown.items()],
         "least_seeds": score.LEAST_FOR_INTERVAL,
         # Of Student's t for so many values, seeds or sequences.
         "quantiles": [0, 0, *(_json(score.student_quantile(count)) for count in range(2, most + 1))],
@@ -269,25 +267,13 @@ def _board(
     }
 
 
-class _Counts:
-    """Numbers of frames beyond each threshold, summed over episodes."""
-
-    def __init__(self) -> None:
-        self.frames = 0
-        self.success = np.zeros(score.SUCCESS_THRESHOLDS.size)
-        self.precision = np.zeros(score.PRECISION_THRESHOLDS_PX.size)
-
-    def add(self, frames: TrackerFrames) -> None:
-        counted = frames.counted
-        count = int(counted.sum())
-        if not count:
-            return
-        self.frames += count
-        self.success += count * score.success_curve(frames.overlap[counted])
-        self.precision += count * score.precision_curve(frames.centre_error_px[counted])
-
-    def as_lists(self) -> list[Any]:
-        return [self.frames, np.rint(self.success).astype(int).tolist(), np.rint(self.precision).astype(int).tolist()]
+def _counts(frames: Sequence[TrackerFrames]) -> list[Any]:
+    """How many frames of several episodes count, and how many of those are beyond each threshold."""
+    overlap, error_px = (
+        np.concatenate([getattr(one, name)[one.counted] for one in frames]) for name in ("overlap", "centre_error_px")
+    )
+    shares = score.success_curve(overlap), score.precision_curve(error_px)
+    return [overlap.size, *(np.rint(np.nan_to_num(overlap.size * one)).astype(int).tolist() for one in shares)]
 
 
 def _episode(store: RunStore, result: Result, frames: TrackerFrames) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import by_episode, read_frames
 from pftrack_sim.report.strips import draw_strips
-from pftrack_sim.report.tables import number_text, over_seeds
+from pftrack_sim.report.tables import grouped, number_text, over_seeds
 
 _MARKERS = {"circle": "o", "square": "s", "triangle-up": "^", "diamond": "D", "x": "X", "star": "*"}
 
@@ -63,31 +63,30 @@ def write_figure(path: Path, target: Path, columns: int = 1) -> Path:
     if columns not in WIDTHS_INCH:
         raise ParameterError(f"a figure is 1 or 2 columns wide, got {columns}")
     store = RunStore(path)
-    with own_style():
-        from matplotlib.figure import Figure
-
-        figure: Any = Figure(figsize=(WIDTHS_INCH[columns], _HIGH_INCH), layout="constrained")
+    with drawn_figure(target, (WIDTHS_INCH[columns], _HIGH_INCH), dpi=200) as figure:
         FIGURES[target.stem](store, figure)
-        with atomic_write(target) as part:
-            # Without a date the same run gives the same file.
-            metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(target.suffix, {})
-            figure.savefig(part, dpi=200, format=target.suffix[1:], metadata=metadata)
     return target
 
 
 @contextlib.contextmanager
-def own_style() -> Generator[None]:
-    """Matplotlib's defaults in the block, whatever settings lie in the working folder or at the user's.
+def drawn_figure(target: Path, size_inch: tuple[float, float], dpi: int) -> Generator[Any]:
+    """A figure to draw in the block, which is then written; settings in the working folder or at the user's do nothing.
 
     Raises:
         ParameterError: matplotlib is not installed.
+        RunError: The file cannot be written.
     """
     require_matplotlib()
     mpl: Any = importlib.import_module("matplotlib")
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update({"svg.hashsalt": "pftrack_sim", "pdf.fonttype": 42, "font.size": 8})
-        yield
+        figure: Any = importlib.import_module("matplotlib.figure").Figure(figsize=size_inch, layout="constrained")
+        yield figure
+        # Without a date the same drawing gives the same file.
+        metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(target.suffix, {})
+        with atomic_write(target) as part:
+            figure.savefig(part, dpi=dpi, format=target.suffix[1:], metadata=metadata)
 
 
 def require_matplotlib() -> None:
@@ -289,8 +288,7 @@ def _cost(store: RunStore, figure: Any) -> None:
     few = max(spread, default=1.0) > 30.0 * min(spread, default=1.0)
     axes.xaxis.set_major_locator(LogLocator(subs=(1,) if few else (1, 2, 5)))
     points: dict[str, tuple[float, float]] = {}
-    for label in dict.fromkeys(result.label for result in store.results):
-        own = [result for result in store.results if result.label == label]
+    for label, own in grouped(store.results, lambda one: one.label).items():
         found = over_seeds("mean_overlap", own)
         if label in ms and found.seeds:
             points[label] = (ms[label], found.mean)

@@ -11,6 +11,10 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from pftrack_sim.benchmark.kept.checksums import Checksums
+from pftrack_sim.benchmark.kept.files import write_bytes
+from pftrack_sim.benchmark.kept.folder import is_run
+
 _PAGE = Path(__file__).parent / "page"
 
 
@@ -42,6 +46,14 @@ def render(template: str, scripts: Sequence[str], **values: Any) -> str:
         scripts=[Markup(one) for one in sources],
         **values,
     )
+
+
+def write_page(target: Path, page: str) -> Path:
+    """Write a page; where it lies in a run folder, the folder's checksums have it."""
+    write_bytes(target, page.encode())
+    if is_run(target.parent):
+        Checksums(target.parent).update(target.name)
+    return target
 
 
 def _source(name: str) -> str:

@@ -11,16 +11,14 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim.benchmark import RunStore
-from pftrack_sim.benchmark.kept.checksums import Checksums
-from pftrack_sim.benchmark.kept.files import write_bytes
 from pftrack_sim.benchmark.limits.found import Difference, Limit, Limits
 from pftrack_sim.benchmark.limits.scale import is_linear
 from pftrack_sim.benchmark.limits.search import examples
 from pftrack_sim.core.palette import styles_of
 from pftrack_sim.measuring.measured import Level
 from pftrack_sim.report.following import video_link
-from pftrack_sim.report.html import render
-from pftrack_sim.report.tables import Table
+from pftrack_sim.report.html import render, write_page
+from pftrack_sim.report.tables import Table, grouped
 
 _WIDTH, _HEIGHT, _LEFT = 600.0, 220.0, 30.0  # of a plot; the level 0 stands at its left edge
 _NAME_HEIGHT = 14.0  # of a name at the end of a curve
@@ -176,9 +174,7 @@ def write_limits_page(path: Path, found: Limits, measured: Mapping[str, Level] =
         if (link := video_link(store, one)) is not None
     }
     styles = styles_of(dict.fromkeys(one.tracker for one in found.limits))
-    groups: dict[tuple[str, str], list[Limit]] = {}
-    for one in found.limits:
-        groups.setdefault((one.scenario, one.axis), []).append(one)
+    groups = grouped(found.limits, lambda one: (one.scenario, one.axis))
     page = render(
         "limits",
         [],
@@ -193,10 +189,7 @@ def write_limits_page(path: Path, found: Limits, measured: Mapping[str, Level] =
         firsts=_firsts(found.limits),
         frontiers=_frontiers(found.limits),
     )
-    target = path / "limits.html"
-    write_bytes(target, page.encode())
-    Checksums(path).update(target.name)
-    return target
+    return write_page(path / "limits.html", page)
 
 
 def _plot(limits: Sequence[Limit], videos: dict[tuple[str, str, int], str]) -> dict[str, Any]:
@@ -211,15 +204,11 @@ def _plot(limits: Sequence[Limit], videos: dict[tuple[str, str, int], str]) -> d
         return _LEFT + (_WIDTH - _LEFT - 8.0) * min(share, 1.0)
 
     def drawn(one: Limit) -> dict[str, Any]:
-        groups: dict[int, list[tuple[float, int, int]]] = {}
-        for tried in one.tried:
-            at = place(tried.level)
-            groups.setdefault(int(_GROUPS * at / _WIDTH), []).append((at, tried.successes, tried.episodes))
         points: list[tuple[float, float, float, int, float]] = []
-        for own in groups.values():
-            number = sum(episodes for _, _, episodes in own)
-            at = sum(x * episodes for x, _, episodes in own) / number
-            rate = sum(successes for _, successes, _ in own) / number
+        for own in grouped(one.tried, lambda tried: int(_GROUPS * place(tried.level) / _WIDTH)).values():
+            number = sum(tried.episodes for tried in own)
+            at = sum(place(tried.level) * tried.episodes for tried in own) / number
+            rate = sum(tried.successes for tried in own) / number
             points.append((round(at, 1), round(_height(rate), 1), round(2.0 + math.sqrt(number), 1), number, rate))
         curve = " ".join(f"{place(level):.1f},{_height(rate):.1f}" for level, rate in one.curve if level >= low)
         known = one.low is not None or one.high is not None
@@ -328,10 +317,7 @@ def _height(rate: float) -> float:
 
 def _firsts(limits: Sequence[Limit]) -> list[dict[str, Any]]:
     """For every scenario and tracker its axes, by what breaks it first in typical levels, as bars [percent]."""
-    groups: dict[tuple[str, str], list[Limit]] = {}
-    for one in limits:
-        if one.typical is not None:
-            groups.setdefault((one.scenario, one.tracker), []).append(one)
+    groups = grouped((one for one in limits if one.typical is not None), lambda one: (one.scenario, one.tracker))
     most = max((one.range[1] / one.typical for own in groups.values() for one in own if one.typical), default=1.0)
 
     def share(level: float, typical: float) -> float:

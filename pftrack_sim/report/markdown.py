@@ -24,6 +24,7 @@ from pftrack_sim.report.tables import (
     axes,
     claim_text,
     following,
+    grouped,
     number_text,
     over_seeds,
     paper_tables,
@@ -154,8 +155,7 @@ def _overlaps(results: Sequence[Result], places: Sequence[str]) -> str:
         return [number_text(over_seeds(measure, [one for one in own if place_of(one) == name]).mean) for name in places]
 
     rows: list[tuple[float, list[str]]] = []
-    for label in dict.fromkeys(result.label for result in results):
-        own = [result for result in results if result.label == label]
+    for label, own in grouped(results, lambda one: one.label).items():
         mean = score.mean_summary([result.measures for result in own])
         others = [number_text(getattr(mean, name)) for name in beside.values()]
         overall = over_seeds("mean_overlap", own)

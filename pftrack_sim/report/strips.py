@@ -18,6 +18,7 @@ from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.records import Image
 from pftrack_sim.formats.images import video as read_video
 from pftrack_sim.formats.images import video_times
+from pftrack_sim.report.tables import grouped
 
 FRAMES = 5
 WIDTH_PX = 320
@@ -90,14 +91,12 @@ def draw_strips(store: RunStore, figure: Any) -> None:
 
 def _ranked(store: RunStore) -> list[Result]:
     """Results of the tracker with the highest mean overlap, the worst first."""
-    overlaps: dict[str, list[float]] = {}
-    for result in store.results:
-        # Episodes of those that have the truth show nothing about tracking.
-        if result.tracker.told != "truth" and not result.never_seen:
-            overlaps.setdefault(result.label, []).append(result.number("mean_overlap"))
-    leader = max(overlaps, key=lambda label: np.mean(overlaps[label]), default=None)
-    ranked = [one for one in store.results if one.label == leader and not one.never_seen]
-    return sorted(ranked, key=lambda one: one.number("mean_overlap"))
+    # Episodes of those that have the truth show nothing about tracking.
+    seen = [one for one in store.results if one.tracker.told != "truth" and not one.never_seen]
+    ranked = [
+        sorted(own, key=lambda one: one.number("mean_overlap")) for own in grouped(seen, lambda one: one.label).values()
+    ]
+    return max(ranked, key=lambda own: np.mean([one.number("mean_overlap") for one in own]), default=list[Result]())
 
 
 def _spread(count: int) -> list[int]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 
@@ -43,6 +44,10 @@ _TRANSFER_MS = 5.0
 """What an image's way to a tracker's process and back may take."""
 
 
+_Item = TypeVar("_Item")
+_Key = TypeVar("_Key", bound=Hashable)
+
+
 @dataclass(frozen=True)
 class Table:
     """A table of text.
@@ -75,6 +80,14 @@ class Table:
         """The notes on words that stand in the table."""
         words = " ".join(" ".join((self.title, *self.heads, *itertools.chain(*self.rows))).split())
         return {name: note for name, note in self.notes.items() if name in words}
+
+
+def grouped(items: Iterable[_Item], key: Callable[[_Item], _Key]) -> dict[_Key, list[_Item]]:
+    """Items by a key, keys in the order in which they come first."""
+    groups: dict[_Key, list[_Item]] = {}
+    for one in items:
+        groups.setdefault(key(one), []).append(one)
+    return groups
 
 
 def number_text(value: float, digits: int = 3) -> str:
@@ -269,7 +282,4 @@ def benchmark_table(found: Scored) -> Table | None:
 
 
 def _by_place(results: Iterable[Result]) -> dict[tuple[str, str], list[Result]]:
-    groups: dict[tuple[str, str], list[Result]] = {}
-    for one in results:
-        groups.setdefault((place_of(one), one.label), []).append(one)
-    return groups
+    return grouped(results, lambda one: (place_of(one), one.label))

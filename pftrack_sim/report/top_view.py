@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pftrack_sim.benchmark.kept.files import atomic_write
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.palette import COLOURS
-from pftrack_sim.report.figure import own_style
+from pftrack_sim.report.figure import drawn_figure
 from pftrack_sim.scene.layout import Footprint
 from pftrack_sim.simulation.overview import Overview
 
@@ -28,12 +26,11 @@ def draw_from_above(found: Overview, title: str, target: Path) -> Path:
     """
     if target.suffix not in (".svg", ".png"):
         raise ParameterError(f"a map is an .svg or .png, got {target.name!r}")
-    with own_style():
-        figure_module: Any = importlib.import_module("matplotlib.figure")
-        patches: Any = importlib.import_module("matplotlib.patches")
-        x_min, y_min, x_max, y_max = found.layout.bounds_m
-        size = [min(max(_INCH_PER_M * side, _LEAST_INCH), _MOST_INCH) for side in (x_max - x_min, y_max - y_min)]
-        figure = figure_module.Figure(figsize=(size[0], size[1] + 1.0), layout="constrained")
+    x_min, y_min, x_max, y_max = found.layout.bounds_m
+    width, height = (min(max(_INCH_PER_M * side, _LEAST_INCH), _MOST_INCH) for side in (x_max - x_min, y_max - y_min))
+    with drawn_figure(target, (width, height + 1.0), dpi=110) as figure:
+        from matplotlib import patches
+
         axes = figure.add_subplot()
         axes.add_patch(patches.Rectangle((x_min, y_min), x_max - x_min, y_max - y_min, color="0.96", zorder=0))
         for footprint in found.layout.footprints:
@@ -53,9 +50,6 @@ def draw_from_above(found: Overview, title: str, target: Path) -> Path:
         axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
         axes.margins(0.02)
         figure.legend(loc="outside lower center", ncols=3, frameon=False)
-        with atomic_write(target) as part:
-            metadata = {"Date": None} if target.suffix == ".svg" else {}
-            figure.savefig(part, dpi=110, format=target.suffix[1:], metadata=metadata)
     return target
 
 
