@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 import statistics
-import time
+import timeit
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -195,11 +194,7 @@ def _frame_ms(backend: str) -> float:
     with Simulation(scenario, backend=backend) as simulation:
         simulation.reset(0)
         simulation.advance()
-        times = [time.perf_counter()]
-        for _ in range(5):
-            simulation.advance()
-            times.append(time.perf_counter())
-    return 1e3 * statistics.median(later - earlier for earlier, later in pairwise(times))
+        return 1e3 * statistics.median(timeit.repeat(simulation.advance, number=1, repeat=5))
 
 
 def trax(

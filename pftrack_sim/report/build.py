@@ -45,14 +45,9 @@ def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -
         RunError: No complete run folder, or one that cannot be written to.
     """
     store = RunStore(path)
-    page = _page(store, contents(store, on_episode))
-    return write_page(path / "report.html", page)
-
-
-def _page(store: RunStore, data: Mapping[str, Any]) -> str:
-    return _render(
+    page = _render(
         store.path.resolve().name,
-        data,
+        contents(store, on_episode),
         len({result.seed for result in store.results}) > 1,
         strips=strips(store),
         misread=misread_trackers(store),
@@ -62,6 +57,7 @@ def _page(store: RunStore, data: Mapping[str, Any]) -> str:
         scenarios={name: scenario.digest for name, scenario in store.plan.scenarios.items()},
         errors=[result for result in store.results if result.error],
     )
+    return write_page(path / "report.html", page)
 
 
 def write_scored(found: Scored, out: Path, sources: Mapping[str, str]) -> Path:

@@ -122,14 +122,7 @@ def by_episode(results: Iterable[Result]) -> dict[tuple[str, str, int], list[Res
 
 @dataclass(frozen=True, eq=False)
 class _Shown:
-    """One tracker in an episode of the page.
-
-    Attributes:
-        label: The tracker.
-        values: Its measures by name; NaN or None where there is none.
-        error: The tracker's first error.
-        frames: Its frames.
-    """
+    """One tracker in an episode of the page: its measures by name, NaN or None where there is none, and its frames."""
 
     label: str
     values: Mapping[str, Any]

@@ -52,11 +52,7 @@ class Player:
         return self.session.moment
 
     def request(self, action: Callable[[Any], Any]) -> Future[Any]:
-        """Let the session do something before the next frame; a sentence that it returns becomes the status.
-
-        Returns:
-            Its result, or its error, once there is one.
-        """
+        """Let the session do something before the next frame; a sentence that results becomes the status."""
         result = Future[Any]()
         self._requests.put((action, result))
         return result
