@@ -57,7 +57,7 @@ def _searched(
 ) -> tuple[Plan, RunOptions]:
     """The plan of these scenarios; where a search is asked for, with the parameters that are best on its seeds."""
     from pftrack_sim.benchmark import new_run_path, parse_seeds
-    from pftrack_sim.report.tables import over_seeds, range_text
+    from pftrack_sim.report.tables import grouped, over_seeds, range_text
 
     plan, search, seeds = asked.plan(scenarios, **more), asked.search or [], asked.search_seeds
     if not search and seeds is None:
@@ -81,11 +81,8 @@ def _searched(
     searched = asked.plan(scenarios, [one for own in tried.values() for one in own], seeds, **more)
     measure = "mean_overlap" if plan.kind == "open" else "follow_tracking_rate"
     found = _execute(searched, replace(asked, videos="none", log=""), path, cache)
-    means = {
-        one.base_label: over_seeds(measure, (by for by in found.results if by.tracker.base_label == one.base_label))
-        for own in tried.values()
-        for one in own
-    }
+    of_each = grouped(found.results, lambda one: one.tracker.base_label)
+    means = {label: over_seeds(measure, own) for label, own in of_each.items()}
     best = {label: max(own, key=lambda one: means[one.base_label].mean) for label, own in tried.items()}
     tables.print_lines(
         f"{one.base_label}: the best of {len(tried[label])} on seeds {seeds}, {measure} "

@@ -75,7 +75,9 @@ class Messages:
         jpeg = {"header": image, "format": "jpeg", "data": encode_jpeg(frame.image)}
         yield "/camera/image/compressed", "sensor_msgs/CompressedImage", jpeg
         yield "/camera/camera_info", "sensor_msgs/CameraInfo", _camera_info(image, frame.truth, frame.image.shape)
-        people = [_detection(image, one.name, one.box, one.visible_fraction) for one in frame.people if _has_box(one)]
+        people = [
+            _detection(image, one.name, one.box, one.visible_fraction) for one in frame.people if boxes.area(one.box)
+        ]
         yield "/truth", "vision_msgs/Detection2DArray", {"header": image, "detections": people}
         for label, topic in self._topics.items():
             estimate = log.estimates.get(label)
@@ -143,10 +145,6 @@ class OdometryCovariance:
         self._derivatives[2] += heading
         self._pose = (x_m, y_m, heading_rad)
         return self._error**2 * self._derivatives @ self._derivatives.T + _EXACT * np.eye(3)
-
-
-def _has_box(truth: Truth) -> bool:
-    return boxes.area(truth.box) > 0.0
 
 
 def _vector(values: ArrayLike) -> Message:

@@ -9,9 +9,9 @@ import secrets
 import socket
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from http.cookies import CookieError, SimpleCookie
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 from unittest import mock
 from urllib.parse import parse_qs, urlsplit
 
@@ -68,7 +68,7 @@ class Gate:
         """Status and text for a request that is refused, or None."""
         try:
             return self._refusal(path, headers)
-        except (ValueError, LookupError):  # unreadable, or given twice
+        except (ValueError, LookupError, CookieError):  # unreadable, or given twice
             return http.HTTPStatus.FORBIDDEN, "this request has headers that cannot be read"
 
     def _refusal(self, path: str, headers: Mapping[str, str]) -> tuple[http.HTTPStatus, str] | None:
@@ -93,10 +93,7 @@ class Gate:
     def _knows_token(self, path: str, headers: Mapping[str, str]) -> bool:
         if self.token is None or self._right(_query_token(path)):
             return True
-        try:
-            cookie = SimpleCookie(headers.get("Cookie", "")).get(_COOKIE)
-        except CookieError:
-            return False
+        cookie = SimpleCookie(headers.get("Cookie", "")).get(_COOKIE)
         return cookie is not None and self._right(cookie.value)
 
     def _right(self, given: str) -> bool:
@@ -166,11 +163,10 @@ def _checked(process_request: Any, gate: Gate) -> Callable[[Any, Any], Any]:
         if refusal is not None:
             return connection.respond(refusal[0], f"{refusal[1]}\n")
         response = process_request(connection, request)
-        cookie = gate.cookie(request.path)
         if response is not None:
             response.headers["Content-Security-Policy"] = _POLICY
-        if response is not None and cookie is not None:
-            response.headers["Set-Cookie"] = cookie
+            if (cookie := gate.cookie(request.path)) is not None:
+                response.headers["Set-Cookie"] = cookie
         return response
 
     return process
@@ -180,7 +176,7 @@ def _query_token(path: str) -> str:
     return parse_qs(urlsplit(path).query).get("token", [""])[0]
 
 
-class Studio:
+class Studio(AbstractContextManager["Studio"]):
     """A studio that is open: `address` is where; use it in a `with` block, or call `close`.
 
     Args:
@@ -254,12 +250,7 @@ class Studio:
             self._server.stop()
         self.player.close()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _repr_html_(self) -> str:
