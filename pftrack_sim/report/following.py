@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -30,11 +31,12 @@ def following_episodes(store: RunStore, numbers: Mapping[tuple[str, str, int], i
     results = sorted(store.results, key=lambda result: store.video_of(result) is None)[:MAX_EPISODES]
     chosen = {id(result) for result in results}
     trackers = list(dict.fromkeys(result.label for result in store.results))
-    scenes: dict[tuple[str, int], dict[str, float]] = {}
     failed = failures(store)
+    scene = cache(partial(_scene, store))
     return [
         {"episode": numbers[result.scenario, result.condition.name, result.seed]}
-        | _episode(store, result, trackers, scenes)
+        | {"tracker": trackers.index(result.label), **scene(result.scenario, result.seed)}
+        | _episode(store, result)
         | {"ending": _ending(result, failed.get(result.key))}
         for result in store.results
         if id(result) in chosen
@@ -47,14 +49,9 @@ def video_link(store: RunStore, result: Result) -> str | None:
     return os.path.relpath(video, store.path).replace(os.sep, "/") if video is not None else None
 
 
-def _episode(
-    store: RunStore, result: Result, trackers: list[str], scenes: dict[tuple[str, int], dict[str, float]]
-) -> dict[str, Any]:
+def _episode(store: RunStore, result: Result) -> dict[str, Any]:
     table = store.frame_columns(result, (*_COLUMNS, *_AFTER))
     every = slice(None, None, math.ceil(len(table["frame"]) / MAX_POINTS))
-    at = (result.scenario, result.seed)
-    if at not in scenes:
-        scenes[at] = _scene(store, result)
 
     def curve(name: str, digits: int = 2, scale: float = 1.0) -> list[float | None]:
         values = scale * np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64)
@@ -62,10 +59,8 @@ def _episode(
 
     return {
         "name": f"{result.label}, {result.scenario}, {result.condition.name}, seed {result.seed}",
-        "tracker": trackers.index(result.label),
         "video": video_link(store, result),
         "rate_hz": result.number("rate_hz"),
-        **scenes[at],
         "time": curve("time_s", 3),
         "robot": [curve("robot_x_m"), curve("robot_y_m")],
         "target": [curve("target_x_m"), curve("target_y_m")],
@@ -77,10 +72,10 @@ def _episode(
     }
 
 
-def _scene(store: RunStore, result: Result) -> dict[str, float]:
+def _scene(store: RunStore, name: str, seed: int) -> dict[str, float]:
     """Half the camera's horizontal field of view [rad], the wanted distance, and the limits of both errors."""
-    scenario = store.plan.scenarios[result.scenario]
-    resolved = Scenario(scenario.name, scenario.tree).resolve(result.seed)
+    scenario = store.plan.scenarios[name]
+    resolved = Scenario(scenario.name, scenario.tree).resolve(seed)
     return {"half_fov": resolved.camera.half_view_rad[0], **resolved.follow.model_dump()}
 
 

@@ -35,10 +35,8 @@ from pftrack_sim.report.tables import (
 )
 from pftrack_sim.scenario.axes import axes_by_name
 
-_BLOCK = re.compile(r"(?P<begin><!-- tables of (?P<name>[^\s>]+) -->\n)(?P<body>.*?)(?P<end><!-- end -->)", re.DOTALL)
-
-_LIST = re.compile(
-    r"(?P<begin><!-- list of (?P<name>axes|measures) -->\n)(?P<body>.*?)(?P<end><!-- end -->)", re.DOTALL
+_BLOCK = re.compile(
+    r"(?P<begin><!-- (?P<kind>tables|list) of (?P<name>[^\s>]+) -->\n).*?(?P<end><!-- end -->)", re.DOTALL
 )
 
 _MOST_COLUMNS = 12
@@ -78,34 +76,42 @@ def update_document(document: Path, runs: Path, only: str | None = None) -> tupl
     kept: list[str] = []
 
     def replaced(block: re.Match[str]) -> str:
-        if only not in (None, block["name"]):
+        name, is_list = block["name"], block["kind"] == "list"
+        if not is_list and only not in (None, name):
             return block[0]
-        folder = runs / block["name"]
-        if (folder / "profile.json").is_file():
-            heads, *rows = changes_or_tiers(folder / "profile.json")
-            body = _table(heads, rows)
-        elif (folder / LIMITS).is_file():
-            body = "\n".join(map(_markdown, breaking_tables(read_limits(folder))))
-        elif (folder / "run.json").is_file():
-            body = tables(RunStore(folder))
-        elif (found := board(block["name"])) is not None:
-            body = "".join(map(_markdown, standing_tables(found)))
-        else:
-            kept.append(block["name"])
+        body = _list(name) if is_list else _tables_of(runs, name)
+        if body is None:
+            kept.append(name)
             return block[0]
-        written.append(block["name"])
+        written.append(name)
         return f"{block['begin']}\n{body}\n{block['end']}"
 
-    def listed(block: re.Match[str]) -> str:
-        written.append(block["name"])
-        body = _measures() if block["name"] == "measures" else _axes_list()
-        return f"{block['begin']}\n{body}\n{block['end']}"
-
-    updated = _LIST.sub(listed, _BLOCK.sub(replaced, text))
+    updated = _BLOCK.sub(replaced, text)
     if not written and not kept:
         raise RunError(f"{document} has no block <!-- tables of NAME --> ... <!-- end -->")
     write_bytes(document, updated.encode())
     return written, kept
+
+
+def _tables_of(runs: Path, name: str) -> str | None:
+    """Tables of the folder of a name, or of the suite that has it; None for neither."""
+    folder = runs / name
+    if (folder / "profile.json").is_file():
+        heads, *rows = changes_or_tiers(folder / "profile.json")
+        return _table(heads, rows)
+    if (folder / LIMITS).is_file():
+        return "\n".join(map(_markdown, breaking_tables(read_limits(folder))))
+    if (folder / "run.json").is_file():
+        return tables(RunStore(folder))
+    found = board(name)
+    return None if found is None else "".join(map(_markdown, standing_tables(found)))
+
+
+def _list(name: str) -> str | None:
+    """The stress axes, or the definitions of the measures; None for another name."""
+    if name == "axes":
+        return _axes_list()
+    return _measures() if name == "measures" else None
 
 
 def _axes_list() -> str:

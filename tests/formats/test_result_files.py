@@ -20,7 +20,6 @@ from pftrack_sim.formats.results import (
 from pftrack_sim.formats.single_target import region_box
 
 COUNT = 8
-LAYOUT = {"otb": "otb", "got10k": "got10k", "vot": "vot", "mot": "mot"}
 
 
 def result(seed: int, first: int = 0) -> TrackerResult:
@@ -49,7 +48,7 @@ def test_what_is_written_is_read_back(tmp_path: Path, form: ResultFormat, first:
         found = find_results(tmp_path, ["walk", "run_001"], chosen)
         assert {(one.tracker, one.sequence): one.form for one in found} == dict.fromkeys(contents, form)
         for one in found:
-            read, content = read_result(one, COUNT, LAYOUT[form]), contents[one.tracker, one.sequence]
+            read, content = read_result(one, COUNT, form), contents[one.tracker, one.sequence]
             expected = content.boxes.copy()
             if form == "vot":
                 expected[first] = np.nan  # the box that was given is not in the file
@@ -109,7 +108,7 @@ def test_a_broken_file_gives_one_clear_line(tmp_path: Path, form: ResultFormat, 
     (one,) = find_results(tmp_path, ["walk"], form)
     one.path.write_text(text)
     with pytest.raises(SequenceError, match=re.escape(words)) as caught:
-        read_result(one, 2, LAYOUT[form])
+        read_result(one, 2, form)
     assert str(one.path) in str(caught.value)
     assert "\n" not in str(caught.value)
 
