@@ -23,21 +23,14 @@ if TYPE_CHECKING:
     from pftrack_sim.benchmark.running.progress import RunProgress
 
 MODES = ("bar", "lines", "json", "quiet")
+"""A bar, which is usual on a terminal; a line every few seconds, elsewhere; a line of JSON per episode; nothing."""
 
 _LINE_EVERY_S = 5.0
 
 
 @contextmanager
 def progress_bar(what: str, total: int) -> Generator[Callable[[], None]]:
-    """Show progress while the block runs.
-
-    Args:
-        what: Shown before the bar.
-        total: Number of calls to come.
-
-    Yields:
-        A function to call once for every unit done.
-    """
+    """Show progress while the block runs: it gets a function to call once for each of `total` units."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -53,19 +46,10 @@ def progress_bar(what: str, total: int) -> Generator[Callable[[], None]]:
 
 @contextmanager
 def show_run(mode: str, path: Path, what: str) -> Generator[Callable[[RunProgress], None]]:
-    """Show a run's progress while the block runs; after Ctrl-C print the command that resumes it.
+    """Show a run's progress while the block runs: it gets a function to call with every status.
 
-    Args:
-        mode: `"bar"`; `"lines"`: a line every few seconds; `"json"`: a line of JSON per episode; `"quiet"`; or empty
-            for a bar on a terminal and lines elsewhere.
-        path: The run folder.
-        what: What is run, said when it begins: after names and parameters were found right.
-
-    Yields:
-        A function to call with every status.
-
-    Raises:
-        ParameterError: No such mode.
+    `mode` is one of `MODES`, or empty. `what` is run in `path` is said when it begins, after names and parameters were
+    found right. After Ctrl-C the command that resumes it is printed.
     """
     from pftrack_sim.benchmark import Interrupted
 

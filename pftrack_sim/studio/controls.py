@@ -35,14 +35,9 @@ _KEYS_HELP = "W/S forward, A/D turn, Q/E pan, R/F tilt, X stop; or a game pad."
 
 
 class Controls:
-    """Widgets of the main panel, and what they do.
+    """Widgets of the main panel of viser's `gui`, and of a `panel` for settings beside it, and what they do.
 
-    Args:
-        gui: The viser server's GUI.
-        panel: Panel of it for the settings, beside the main one.
-        player: The player.
-        offered: Trackers that can be switched on.
-        look_through: Lets a client look through the robot's camera.
+    `offered` trackers can be switched on; `look_through` lets a client look through the robot's camera.
     """
 
     def __init__(
@@ -235,11 +230,7 @@ class Controls:
         return slider
 
     def _take_axes(self, session: Session) -> str | None:
-        """Apply the newest values of all sliders that were moved; those in between are skipped.
-
-        Returns:
-            What was done, in a sentence; None if the session has these values already.
-        """
+        """Apply the newest values of all sliders that were moved, and say so; None if the session has them already."""
         with self._lock:
             wanted, settings = dict(self._wanted), session.settings
         for name, value in wanted.items():

@@ -112,11 +112,7 @@ class Page:
     """Shows a player's session to every client, and passes on what they do.
 
     What is drawn is the newest frame: a slow client, or drawing slower than the simulation, loses frames.
-
-    Args:
-        server: The viser server.
-        player: The player.
-        offered: Trackers that can be switched on.
+    `offered` trackers can be switched on.
     """
 
     def __init__(self, server: Any, player: Player, offered: Sequence[TrackerSpec]) -> None:

@@ -22,12 +22,7 @@ class Player:
     """Runs a session in a thread of its own, which makes it, calls it and closes it.
 
     Nothing that a page does waits for a frame: requests are queued, and results are read from `moment` and `status`.
-
-    Args:
-        make: Makes the session.
-
-    Raises:
-        PftrackError: As `make`.
+    An error of `make` is raised here.
     """
 
     def __init__(self, make: Callable[[], TrackedSession]) -> None:

@@ -58,10 +58,10 @@ class _Batch:
 
 
 class SceneView:
-    """The 3D view of one server.
+    """The 3D view of a viser server.
 
     Args:
-        server: The viser server.
+        server: The server.
         on_person: Called with the name of a person who is clicked.
         on_picture: Called with the shares of width and height at which the picture is clicked.
         on_box: Called with the `(4,)` x, y, w, h, in shares of width and height, of a box that is drawn on the picture.
@@ -83,14 +83,7 @@ class SceneView:
         self._scene.configure_default_lights(enabled=True, cast_shadow=False)
 
     def build(self, model: mujoco.MjModel, moment: Moment, people: tuple[str, ...], path_m: FloatArray) -> None:
-        """Show another compiled world.
-
-        Args:
-            model: The model.
-            moment: A moment in it.
-            people: Names, the target's first.
-            path_m: `(N, 2)` the target's path.
-        """
+        """Show another compiled world at a moment, its people, the target first, and the target's `(N, 2)` path [m]."""
         drawn = geoms_drawn(model)
         owners = np.array([owner_name(model.body(int(body)).name) for body in model.geom_bodyid])
         moving = (model.body_weldid[model.geom_bodyid] != 0) | (model.body_mocapid[model.geom_bodyid] >= 0)

@@ -101,15 +101,7 @@ class Gate:
 
 
 def open_server(host: str, port: int, most: int) -> tuple[Any, Gate, str]:
-    """Start a viser server behind a gate.
-
-    Args:
-        host: Address to bind; anything but this machine's own gets a token.
-        port: Port, or the next free one above; 0: any.
-        most: Number of pages that may be open at once.
-
-    Returns:
-        The server, its gate, and the address to open.
+    """Start a viser server behind a gate, see `Studio`; returns both, and the address to open.
 
     Raises:
         StudioError: viser is missing, or the address cannot be bound.
