@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pftrack_sim.core.boxes import NO_BOX
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.records import Detections, Image, frozen_array
 from pftrack_sim.core.types import FloatArray
@@ -116,10 +117,7 @@ class Annotations:
 
     Attributes:
         image_size_px: Width and height.
-        boxes: `(N, 4)` boxes of the target, clipped to the image; NaN rows where it cannot be seen.
-        visible_fraction: `(N,)` visible share of its pixels inside the image.
-        truncation: `(N,)` share of its whole box that lies outside the image.
-        out_of_view: `(N,)` whether it is outside the image altogether.
+        people: Of each of `N` frames everybody in view.
         number: Place of the sequence in its data set, from 0.
         focal_and_centre_px: fx, fy, cx, cy of the camera.
         tags: `(N,)` for each attribute whether a frame has it: `"motion_change"`.
@@ -129,10 +127,6 @@ class Annotations:
     name: str
     rate_hz: float
     image_size_px: tuple[int, int]
-    boxes: FloatArray
-    visible_fraction: FloatArray
-    truncation: FloatArray
-    out_of_view: NDArray[np.bool_]
     people: tuple[tuple[PersonBox, ...], ...]
     number: int = 0
     focal_and_centre_px: tuple[float, float, float, float] = (1.0, 1.0, 0.0, 0.0)
@@ -140,12 +134,22 @@ class Annotations:
     detections: tuple[Detections, ...] = ()
 
     def __len__(self) -> int:
-        return len(self.boxes)
+        return len(self.people)
 
     @property
-    def absent(self) -> NDArray[np.bool_]:
-        """`(N,)` whether the target cannot be seen."""
-        return np.isnan(self.boxes[:, 0])
+    def target(self) -> list[PersonBox | None]:
+        """The target in each frame; None where it is out of view."""
+        return [next((one for one in people if one.identity == TARGET), None) for people in self.people]
+
+    @property
+    def visible_fraction(self) -> FloatArray:
+        """`(N,)` visible share of the target's pixels inside the image; 0 where there are none."""
+        return np.array([0.0 if one is None else one.visible_fraction for one in self.target])
+
+    @property
+    def boxes(self) -> FloatArray:
+        """`(N, 4)` boxes of the target, clipped to the image; NaN rows where it cannot be seen."""
+        return np.array([one.box if one is not None and one.visible_fraction > 0.0 else NO_BOX for one in self.target])
 
 
 class Layout(ABC):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -98,8 +97,8 @@ class _Lasot(_SingleTarget):
 
     def write(self, folder: Path, annotations: Annotations) -> None:
         super().write(folder, annotations)
-        out = annotations.out_of_view
-        for name, flags in ((self._occlusion, annotations.absent & ~out), (self._out, out)):
+        out = np.array([one is None for one in annotations.target])
+        for name, flags in ((self._occlusion, (annotations.visible_fraction == 0.0) & ~out), (self._out, out)):
             (folder / name).write_text(",".join(str(int(flag)) for flag in flags) + "\n", encoding="utf-8")
 
 
@@ -142,10 +141,11 @@ class _Got10k(_SingleTarget):
 
     def write(self, folder: Path, annotations: Annotations) -> None:
         super().write(folder, annotations)
-        absent = annotations.absent
-        shares = zip(absent, annotations.visible_fraction, strict=True)
-        cover = [0 if gone else max(1, math.ceil(8 * share)) for gone, share in shares]
-        labels = {self._absence: absent, "cut_by_image.label": annotations.truncation > 0.0, self._cover: cover}
+        labels = {
+            self._absence: annotations.visible_fraction == 0.0,
+            self._cover: np.ceil(8.0 * annotations.visible_fraction),
+            "cut_by_image.label": [one is None or one.truncation > 0.0 for one in annotations.target],
+        }
         for name, values in labels.items():
             _write_flags(folder / name, values)
         width, height = annotations.image_size_px

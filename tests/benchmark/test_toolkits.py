@@ -66,9 +66,10 @@ def write_random(data: Path, results: Path | None, form: ResultFormat | Literal[
         absent = np.isnan(boxes[:, 0])
         others = np.column_stack([rng.uniform(0, 50, (COUNT, 2)), rng.uniform(5, 20, (COUNT, 2))])
         rows = [[(1, box)] * (not gone) + [(2, other)] for box, gone, other in zip(boxes, absent, others, strict=True)]
+        covered = range(4, COUNT, 9) if form in ("mot", "kitti") else ()
         people = tuple(
             tuple(
-                PersonBox(identity, tuple(box.tolist()), 0.0 if frame % 9 == 4 else 0.5, solid=SOLID)
+                PersonBox(identity, tuple(box.tolist()), 0.0 if frame in covered else 0.5, solid=SOLID)
                 for identity, box in there
             )
             for frame, there in enumerate(rows)
@@ -78,8 +79,7 @@ def write_random(data: Path, results: Path | None, form: ResultFormat | Literal[
             path = folder / f"{layout.image.format(number + layout.first)}.jpg"
             path.parent.mkdir(parents=True, exist_ok=True)
             cv2.imwrite(str(path), np.zeros((SIZE[1], SIZE[0], 3), np.uint8))
-        visible = np.where(absent, 0.0, 0.5)
-        layout.write(folder, Annotations(name, 10.0, SIZE, boxes, visible, 0.0 * visible, absent, people))
+        layout.write(folder, Annotations(name, 10.0, SIZE, people))
         for tracker in TRACKERS if results is not None else ():
             estimates = np.where(absent[:, None], others, boxes) + rng.normal(0, 4, boxes.shape)
             estimates[:, 2:] = estimates[:, 2:].clip(0.5)
