@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import tarfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -172,7 +173,46 @@ def replace_text(path: Path, old: str, new: str) -> None:
     path.write_text(path.read_text().replace(old, new))
 
 
+def empty(folder: Path) -> None:
+    shutil.rmtree(folder)
+    folder.mkdir()
+
+
+def a_file(folder: Path) -> None:
+    shutil.rmtree(folder)
+    folder.write_text("")
+
+
+def truth(text: str | bytes) -> Callable[[Path], None]:
+    raw = text.encode() if isinstance(text, str) else text
+    return lambda folder: (folder / "groundtruth_rect.txt").write_bytes(raw) and None
+
+
+def rename(old: str, new: str) -> Callable[[Path], None]:
+    return lambda folder: (folder / old).rename(folder / new) and None
+
+
 BROKEN: list[tuple[str, Callable[[Path], object], str]] = [
+    ("otb", shutil.rmtree, "walk: no such folder"),
+    ("otb", a_file, "walk: is not a folder"),
+    ("otb", empty, "walk: not a sequence in a known layout (OTB: a folder img/ of numbered"),
+    ("otb", lambda folder: [one.unlink() for one in (folder / "img").iterdir()], "img: no images"),
+    ("otb", lambda folder: shutil.rmtree(folder / "img"), "img: no such folder"),
+    ("otb", rename("groundtruth_rect.txt", "gt.txt"), "walk: not a sequence in a known layout"),
+    ("otb", truth(""), "groundtruth_rect.txt: is empty"),
+    ("otb", truth("\n \n"), "groundtruth_rect.txt: is empty"),
+    ("otb", truth(b"\xff\xfe\x00\x01"), "groundtruth_rect.txt: is not a text file"),
+    ("otb", truth("1,1,5,5\n1,2,3,four\n"), "groundtruth_rect.txt, line 2: expected four numbers x, y, w, h"),
+    ("otb", truth("1,1,5,5\n1,1,5,5\n1,2,3\n"), "line 3: expected four numbers"),
+    ("otb", truth("1,1,5,5,9\n1,1,5,5\n1,1,5,5\n"), "line 1: expected four numbers"),
+    ("otb", truth("1,1,5,5\n\n1,1,5,5\n"), "line 2: expected four numbers"),
+    ("otb", truth("1,1,5,5\n1,1,inf,5\n1,1,5,5\n"), "line 2: expected finite numbers"),
+    ("otb", truth("NaN,NaN,NaN,NaN\n" * 6), "groundtruth_rect.txt: no frame has a box"),
+    ("otb", truth("1,1,5,5\n" * 2), "walk: 6 images but 2 boxes in groundtruth_rect.txt"),
+    ("otb", truth("1,1,5,5\n" * 8), "walk: 6 images but 8 boxes in groundtruth_rect.txt"),
+    ("otb", rename("img/0002.png", "img/0007.png"), "image 2 is missing between 0001.png and 0003.png"),
+    ("otb", rename("img/0003.png", "img/2.png"), "0002.png and 2.png have the same number"),
+    ("otb", rename("img/0002.png", "img/two.png"), "two.png: an image's name must be its number"),
     ("lasot", lambda folder: (folder / "full_occlusion.txt").write_text("0,1\n"), "expected 6 flags"),
     ("lasot", lambda folder: (folder / "out_of_view.txt").write_text("0,0,no,0,0,0\n"), "expected 6 flags"),
     (

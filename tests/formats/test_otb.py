@@ -1,7 +1,5 @@
 """Sequences in OTB layout: right ones in every spelling, wrong ones with one clear line."""
 
-import re
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -87,79 +85,6 @@ def test_other_files_beside_the_images_do_no_harm(tmp_path: Path):
     for name in (".DS_Store", "._0001.png", "Thumbs.db", "notes.txt"):
         (folder / "img" / name).write_text("")
     assert len(read_sequence(folder)) == 3
-
-
-def gone(folder: Path) -> None:
-    for path in sorted(folder.rglob("*"), reverse=True):
-        path.rmdir() if path.is_dir() else path.unlink()
-    folder.rmdir()
-
-
-def empty(folder: Path) -> None:
-    gone(folder)
-    folder.mkdir()
-
-
-def a_file(folder: Path) -> None:
-    gone(folder)
-    folder.write_text("")
-
-
-def no_images(folder: Path) -> None:
-    for path in (folder / "img").iterdir():
-        path.unlink()
-
-
-def no_image_folder(folder: Path) -> None:
-    no_images(folder)
-    (folder / "img").rmdir()
-
-
-def truth(text: str | bytes) -> Callable[[Path], None]:
-    raw = text.encode() if isinstance(text, str) else text
-    return lambda folder: (folder / "groundtruth_rect.txt").write_bytes(raw) and None
-
-
-def rename(old: str, new: str) -> Callable[[Path], None]:
-    return lambda folder: (folder / old).rename(folder / new) and None
-
-
-BROKEN: dict[str, tuple[Callable[[Path], object], str]] = {
-    "no folder": (gone, "walk: no such folder"),
-    "a file": (a_file, "walk: is not a folder"),
-    "an empty folder": (empty, "walk: not a sequence in a known layout (OTB: a folder img/ of numbered"),
-    "no images": (no_images, "img: no images"),
-    "no image folder": (no_image_folder, "img: no such folder"),
-    "no truth": (rename("groundtruth_rect.txt", "gt.txt"), "walk: not a sequence in a known layout"),
-    "empty truth": (truth(""), "groundtruth_rect.txt: is empty"),
-    "blank truth": (truth("\n \n"), "groundtruth_rect.txt: is empty"),
-    "binary truth": (truth(b"\xff\xfe\x00\x01"), "groundtruth_rect.txt: is not a text file"),
-    "words": (
-        truth("1,1,5,5\n1,2,3,four\n1,1,5,5\n"),
-        "groundtruth_rect.txt, line 2: expected four numbers x, y, w, h",
-    ),
-    "three numbers": (truth("1,1,5,5\n1,1,5,5\n1,2,3\n"), "line 3: expected four numbers"),
-    "five numbers": (truth("1,1,5,5,9\n1,1,5,5\n1,1,5,5\n"), "line 1: expected four numbers"),
-    "a blank line between": (truth("1,1,5,5\n\n1,1,5,5\n"), "line 2: expected four numbers"),
-    "infinite": (truth("1,1,5,5\n1,1,inf,5\n1,1,5,5\n"), "line 2: expected finite numbers"),
-    "no box anywhere": (truth("NaN,NaN,NaN,NaN\n" * 3), "groundtruth_rect.txt: no frame has a box"),
-    "fewer boxes": (truth("1,1,5,5\n" * 2), "walk: 3 images but 2 boxes in groundtruth_rect.txt"),
-    "more boxes": (truth("1,1,5,5\n" * 4), "walk: 3 images but 4 boxes in groundtruth_rect.txt"),
-    "a number missing": (rename("img/0002.png", "img/0004.png"), "image 2 is missing between 0001.png and 0003.png"),
-    "a number twice": (rename("img/0003.png", "img/2.png"), "0002.png and 2.png have the same number"),
-    "no number": (rename("img/0002.png", "img/two.png"), "two.png: an image's name must be its number"),
-}
-
-
-@pytest.mark.parametrize("case", BROKEN)
-def test_a_broken_sequence_gives_one_clear_line(tmp_path: Path, case: str):
-    folder = write(tmp_path / "walk")
-    harm, words = BROKEN[case]
-    harm(folder)
-    with pytest.raises(SequenceError, match=re.escape(words)) as caught:
-        read_sequence(folder)
-    assert str(folder) in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("data", [b"", b"no image", b"\x89PNG\r\n\x1a\n"])
