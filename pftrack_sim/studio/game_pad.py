@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+from functools import cached_property
 from typing import Any
 from unittest import mock
 
@@ -25,14 +26,12 @@ class GamePad:
     """
 
     def __init__(self) -> None:
-        self._pygame: Any = None
         self._stick: Any = None
-        self._missing = False
         self._last = np.zeros(4)
 
     def read(self) -> FloatArray | None:
         """`(4,)` command in [-1, 1]: forward, turn, pan, tilt; None where it is what it was."""
-        if self._missing or not self._connected():
+        if not self._connected():
             return None
         count = self._stick.get_numaxes()
         right = _RIGHT_BESIDE_TRIGGERS if count > max(_RIGHT_BESIDE_TRIGGERS) else _RIGHT
@@ -45,7 +44,7 @@ class GamePad:
         return command.copy()
 
     def _connected(self) -> bool:
-        pygame = self._pygame or self._open()
+        pygame = self._pygame
         if pygame is None:
             return False
         pygame.event.pump()
@@ -55,16 +54,16 @@ class GamePad:
             self._stick = pygame.joystick.Joystick(0)
         return self._stick is not None
 
-    def _open(self) -> Any:
+    @cached_property
+    def _pygame(self) -> Any:
+        """The module, which reads pads from now on; None where it is missing."""
         try:
             pygame: Any = importlib.import_module("pygame")
         except ImportError:
-            self._missing = True
             return None
         # SDL reads pads with the events of a display, and without a window in front only where it is told to.
         with mock.patch.dict(os.environ, {"SDL_VIDEODRIVER": "dummy", "SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": "1"}):
             if not pygame.display.get_init():
                 pygame.display.init()
             pygame.joystick.init()
-        self._pygame = pygame
         return pygame

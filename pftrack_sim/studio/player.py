@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import threading
 import time
@@ -83,13 +84,10 @@ class Player:
 
     def _handle(self, wait_s: float) -> None:
         """Do everything that was asked for; wait so long for the first request."""
-        try:
-            action, result = self._requests.get(timeout=wait_s) if wait_s else self._requests.get_nowait()
+        with contextlib.suppress(queue.Empty):
             while True:
-                self._do(action, result)
-                action, result = self._requests.get_nowait()
-        except queue.Empty:
-            return
+                self._do(*self._requests.get(timeout=wait_s))
+                wait_s = 0.0
 
     def _do(self, action: Callable[[Any], Any], result: Future[Any]) -> bool:
         """Whether the session did something; the status is what it said, or why not."""
