@@ -107,7 +107,7 @@ def _legend_below(figure: Any) -> None:
     names = figure.axes[0].get_legend_handles_labels()
     whole = figure.figure  # of a part of one, too
     room = int(_LETTERS_PER_INCH * whole.get_figwidth()) // (max(map(len, names[1]), default=0) + _KEY_LETTERS)
-    abreast = max(1, min(5 if _is_wide(figure) else 2, room))
+    abreast = max(1, min(5 if _is_wide(whole) else 2, room))
     whole.set_figheight(whole.get_figheight() + 0.16 * max(0, -(-len(names[1]) // abreast) - 3))
     legend = figure.legend(*names, loc="outside lower center", ncols=abreast, fontsize=7, frameon=False)
     for text in legend.get_texts():

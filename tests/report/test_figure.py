@@ -95,8 +95,10 @@ def test_curves_are_named_beside_them_where_there_is_room():
             assert not any(inside.contains(*point) for point in points)
 
 
-def test_many_curves_are_named_below():
-    figure = Figure(figsize=(3.5, 2.6), layout="constrained")
+@pytest.mark.parametrize("part", [False, True])
+def test_many_curves_are_named_below(part: bool):
+    whole = Figure(figsize=(3.5, 2.6), layout="constrained")
+    figure = whole.subfigures(2, 1)[1] if part else whole
     axes = figure.add_subplot()
     for k in range(25):
         axes.plot([0.0, 1.0], [0.04 * k, 1.0 - 0.04 * k], label=f"a-long-name-{k}")
