@@ -215,15 +215,13 @@ def print_recorded(results: Sequence[RecordedResult]) -> None:
 
 def _print_slowest(results: Iterable[tuple[str, str, Summary]]) -> None:
     """Print the slowest frames of the slowest trackers and where they were."""
-    slowest: dict[str, tuple[str, Summary]] = {}
-    for label, where, one in results:
-        if one.ms_max > (slowest[label][1].ms_max if label in slowest else -1.0):
-            slowest[label] = where, one
-    ranked = sorted(slowest.items(), key=lambda item: -item[1][1].ms_max)[:_MOST_SLOW]
+    from pftrack_sim.report.tables import grouped
+
+    slow = grouped((one for one in results if one[2].ms_max >= _SLOW_MS), lambda one: one[0])
+    slowest = [max(own, key=lambda one: one[2].ms_max) for own in slow.values()]
     print_lines(
         f"slowest frame of {label}: {one.ms_max:.1f} ms, {where}, frame {one.ms_max_frame:.0f}"
-        for label, (where, one) in ranked
-        if one.ms_max >= _SLOW_MS
+        for label, where, one in sorted(slowest, key=lambda one: -one[2].ms_max)[:_MOST_SLOW]
     )
 
 
@@ -314,11 +312,9 @@ def print_next(run: RunStore) -> None:
 
 def print_tracebacks(run: RunStore) -> None:
     """Print each tracker's first error with its traceback and what it printed, and where its picture is."""
-    first: dict[str, Result] = {}
-    for one in run.results:
-        if one.error:
-            first.setdefault(one.label, one)
-    for one in first.values():
+    from pftrack_sim.report.tables import grouped
+
+    for one, *_ in grouped((one for one in run.results if one.error), lambda one: one.label).values():
         picture = run.error_picture(one)
         if picture is not None:
             text = picture.with_suffix(".txt").read_text(encoding="utf-8")

@@ -169,25 +169,22 @@ class Page:
                 state_s = now_s
 
     def _show_world(self) -> int:
-        """Show the compiled world of the present."""
-        if not self.player.session.simulated:
-            self._view.build_recording(self.player.moment)
-            self._look_at_overview()
-            return self.player.moment.world
+        """Show the compiled world of the present from above; the number of that world."""
 
         def describe(session: Session) -> tuple[Any, ...]:
-            path_m = session.simulation.world.path.points_m
-            return session.simulation.world.model, session.moment, session.people, path_m
+            world = session.simulation.world
+            return world.model, session.moment, session.people, world.path.points_m
 
-        model, moment, people, path_m = self.player.ask(describe)
-        self._view.build(model, moment, people, path_m)
-        self.controls.set_people(people)
-        self._look_at_overview()
-        return moment.world
-
-    def _look_at_overview(self) -> None:
+        moment = self.player.moment
+        if self.player.session.simulated:
+            model, moment, people, path_m = self.player.ask(describe)
+            self._view.build(model, moment, people, path_m)
+            self.controls.set_people(people)
+        else:
+            self._view.build_recording(moment)
         place, towards = (tuple(point.tolist()) for point in self._view.overview())
         self._server.initial_camera.position, self._server.initial_camera.look_at = place, towards
+        return moment.world
 
     def _show_state(self) -> None:
         player, session, moment = self.player, self.player.session, self.controls.shown
