@@ -69,11 +69,7 @@ class ImageFiles(Images):
 
 
 class ImageStream(Images):
-    """Images that are read one after the other; going back begins anew.
-
-    Args:
-        begin: Gives the images from an index on.
-    """
+    """Images that are read one after the other: `begin` gives those from an index on, and going back begins anew."""
 
     def __init__(self, path: Path, count: int, begin: Callable[[int], Iterator[Image]]) -> None:
         self._path, self._count, self._begin = path, count, begin

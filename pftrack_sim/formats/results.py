@@ -85,11 +85,7 @@ def check_format(form: str) -> ResultFormat:
 def result_files(form: ResultFormat, tracker: str, sequence: str, result: TrackerResult) -> Iterator[tuple[str, str]]:
     """Paths within the folder of results and contents of the files of one tracker on one sequence.
 
-    Args:
-        form: Format of the results. Boxes of `otb` are written 1-based, as its data sets have them.
-        tracker: Name of the tracker, allowed in a path.
-        sequence: Name of the sequence.
-        result: What the tracker said.
+    Boxes of `otb` are written 1-based, as its data sets have them.
     """
     seconds = [1e-3 * ms for ms in result.ms.tolist()]
     if form == "otb":

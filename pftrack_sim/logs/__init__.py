@@ -55,12 +55,7 @@ def log_format(path: Path) -> str:
 
 
 def log_writer(name: str, path: Path, info: LogInfo) -> AbstractContextManager[Callable[[LogFrame], None]]:
-    """Writer of a log: a function that adds a frame; the file is complete when the context ends.
-
-    Args:
-        name: One of `FORMATS`.
-        path: File to write.
-        info: The episode.
+    """Writer of a log in one of `FORMATS`: a function that adds a frame; the file is complete when the context ends.
 
     Raises:
         UnknownNameError: No such format.

@@ -119,11 +119,8 @@ class OdometryCovariance:
     """Covariance of x, y and heading by wheel odometry whose radii and track have independent relative errors.
 
     The pose is a function of these three errors; its derivatives are carried along with it (Siciliano et al. 2009,
-    "Robotics: modelling, planning and control", section 11.7, for the odometry). Slip is not in it.
-
-    Args:
-        track_m: Distance between the wheels.
-        error: Standard deviation of each error, as a share.
+    "Robotics: modelling, planning and control", section 11.7, for the odometry). Slip is not in it. `error` is the
+    standard deviation of each, as a share.
     """
 
     def __init__(self, track_m: float, error: float) -> None:

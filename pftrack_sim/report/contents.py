@@ -176,12 +176,7 @@ def contents(store: RunStore, on_episode: Callable[[], None] = lambda: None) -> 
 
 
 def _losses(store: RunStore, trackers: Sequence[str], numbers: Mapping[tuple[str, str, int], int]) -> dict[str, Any]:
-    """Data of the losses.
-
-    Args:
-        store: The run.
-        trackers: Labels in the order of the page.
-        numbers: The page's episodes by scenario, condition and seed.
+    """Data of the losses, of trackers in the order of the page.
 
     Returns:
         `loss`: the definition; `tags`: names and meanings; `losses`: rows of tracker, episode, times [s] when it was
@@ -211,10 +206,7 @@ def _board(
 ) -> dict[str, Any]:
     """What the leader board, the curves and the episodes frame by frame show.
 
-    Args:
-        trackers: Labels in the order of the page.
-        labels: All labels of the run, which give each its style.
-        episodes: Each with what the page tells of it, and its trackers.
+    All `labels` of the run give each tracker its style; of each episode there is what the page tells of it.
     """
     rows: list[tuple[int, int, Mapping[str, Any], str | None]] = []
     slowest: dict[int, tuple[float, int, int, float]] = {}

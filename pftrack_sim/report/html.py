@@ -21,10 +21,7 @@ _PAGE = Path(__file__).parent / "page"
 def render(template: str, scripts: Sequence[str], **values: Any) -> str:
     """A page from a template of the folder `page`; all `values` are text there unless they are `Markup`.
 
-    Args:
-        template: Its name without the suffix.
-        scripts: What the page runs: names of files, or programs.
-        values: What the template shows.
+    The page runs `scripts` alone: names of files, or programs.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_PAGE), autoescape=True, undefined=jinja2.StrictUndefined

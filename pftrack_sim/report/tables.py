@@ -128,13 +128,9 @@ def place_of(result: Result) -> str:
 def summaries(
     frames: str, groups: Mapping[tuple[str, str], Sequence[score.Summary]], unit: str, *, wide: bool
 ) -> Table:
-    """Means over seeds, or other units, by (place, tracker), with the median time per frame.
+    """Means over seeds, or another `unit`, by (place, tracker), with the median time per frame.
 
-    Args:
-        frames: Which frames count.
-        groups: Summaries by place and tracker.
-        unit: What the means are over.
-        wide: Whether there is room for more columns.
+    `frames` says which count; a `wide` table has more columns.
     """
     places = dict.fromkeys(place for place, _ in groups)
     counts = {len(found) for found in groups.values()}

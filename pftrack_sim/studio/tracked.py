@@ -86,12 +86,7 @@ class Moment:
 class TrackedSession(ABC):
     """An episode with trackers in it.
 
-    Every method leaves the session as it was when it raises.
-
-    Args:
-        settings: What to show.
-        isolation: Which trackers run in a process of their own.
-        memory_mb: Memory for the frames that are kept.
+    Every method leaves the session as it was when it raises. `memory_mb` is for the frames that are kept.
     """
 
     simulated = True
