@@ -159,11 +159,8 @@ def schema(
     text = json.dumps(editor_schema(), indent=2) + "\n"
     if out is None:
         typer.echo(text, nl=False)
-        return
-    try:
+    else:
         out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ParameterError(f"cannot write {out}: {error.strerror}") from None
 
 
 def doctor(

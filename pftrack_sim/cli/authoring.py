@@ -23,8 +23,6 @@ def new(file: Annotated[Path, typer.Argument(help="TOML file to write.")]) -> No
             opened.write(template())
     except FileExistsError:
         raise ParameterError(f"{file} exists already: it is not overwritten") from None
-    except OSError as error:
-        raise ParameterError(f"cannot write {file}: {error.strerror}") from None
     tables.print_folder(file)
 
 
