@@ -14,7 +14,7 @@ from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
 
-MAX_TEXT_BYTES = 64 << 20
+MAX_BYTES = 64 << 20
 
 
 def number_rows(path: Path, what: str, count: int, *, more: bool = False) -> FloatArray:
@@ -47,18 +47,24 @@ def number_rows(path: Path, what: str, count: int, *, more: bool = False) -> Flo
     return rows
 
 
-def read_text(path: Path) -> str:
-    """A text file.
+def read_file(path: Path, limit_bytes: int) -> bytes:
+    """Content of a file.
 
     Raises:
-        SequenceError: It is missing, cannot be read, or is no text.
+        SequenceError: It is missing, cannot be read, or is larger than `limit_bytes`.
     """
     try:
-        return read_bytes(path, MAX_TEXT_BYTES).decode("utf-8-sig")
+        return read_bytes(path, limit_bytes)
     except FileNotFoundError:
         raise SequenceError(f"{path}: no such file") from None
     except OSError as error:
         raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def read_text(path: Path) -> str:
+    """A text file; raises SequenceError as `read_file`, and where it is no text."""
+    try:
+        return read_file(path, MAX_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise SequenceError(f"{path}: is not a text file") from None
 

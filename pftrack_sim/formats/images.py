@@ -16,10 +16,10 @@ from av.error import FFmpegError
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.image_files import MAX_FILE_BYTES, MAX_PIXELS, decode
-from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
+from pftrack_sim.formats.files import read_file
 
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png")
 VIDEO = "frames.mp4"
@@ -56,12 +56,7 @@ class ImageFiles(Images):
 
     def read(self, index: int) -> Image:
         """See `Images`."""
-        path = self.paths[index]
-        try:
-            content = read_bytes(path, MAX_FILE_BYTES)
-        except OSError as error:
-            raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
-        return decoded_image(path, content)
+        return decoded_image(self.paths[index], read_file(self.paths[index], MAX_FILE_BYTES))
 
     def where(self, index: int) -> str:
         """See `Images`."""

@@ -23,9 +23,8 @@ import numpy as np
 
 from pftrack_sim.core.boxes import NO_BOX, Box
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
-from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.formats.files import box_lines, number, number_rows, read_text
+from pftrack_sim.formats.files import MAX_BYTES, box_lines, number, number_rows, read_file, read_text
 from pftrack_sim.formats.mot import read_boxes
 from pftrack_sim.formats.sequence import TARGET
 from pftrack_sim.formats.single_target import VOT_EXPERIMENT, region_box
@@ -34,7 +33,6 @@ ResultFormat: TypeAlias = Literal["otb", "got10k", "vot", "mot"]
 
 RESULT_FORMATS: tuple[ResultFormat, ...] = get_args(ResultFormat)
 _BINARY = ".bin"
-_MAX_BINARY_BYTES = 64 << 20
 _ONE_BASED = ("otb", "lasot", "mot")
 """Layouts of data sets whose boxes are 1-based."""
 
@@ -219,10 +217,7 @@ def _binary_lines(path: Path) -> list[str]:
 
     Little-endian: version 1, the number of regions, and of each a byte: 0 code, 1 rectangle, 2 polygon, 3 mask.
     """
-    try:
-        content = io.BytesIO(read_bytes(path, _MAX_BINARY_BYTES))
-    except OSError as error:
-        raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
+    content = io.BytesIO(read_file(path, MAX_BYTES))
 
     def read(form: str) -> tuple[Any, ...]:
         return struct.unpack(f"<{form}", content.read(struct.calcsize(f"<{form}")))

@@ -38,7 +38,7 @@ def test_images_are_read_when_asked_for_as_rgb(tmp_path: Path):
     assert image.shape == (24, 32, 3)
     assert image.dtype == np.uint8
     assert (image == [150, 0, 0]).all()
-    with pytest.raises(SequenceError, match=r"0002\.png: cannot be read"):
+    with pytest.raises(SequenceError, match=r"0002\.png: no such file"):
         sequence.image(1)
 
 
