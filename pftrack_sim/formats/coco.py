@@ -21,7 +21,7 @@ from pydantic import BaseModel
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.inputs import read_bytes
-from pftrack_sim.formats.files import JsonBox, json_content, present_boxes
+from pftrack_sim.formats.files import JsonBox, json_content, present_boxes, reading
 from pftrack_sim.formats.images import ImageFiles, image_suffix, numbered_images
 from pftrack_sim.formats.sequence import TARGET, Annotations, Layout, PersonBox, RecordedSequence
 
@@ -97,11 +97,9 @@ class _Coco(Layout):
     def read(self, folder: Path) -> RecordedSequence:
         paths = numbered_images(folder)
         source = folder.absolute().parent.parent / _INSTANCES
-        try:
+        with reading(source):
             changed = source.stat()
             targets = _targets(source, (changed.st_mtime_ns, changed.st_size))
-        except OSError as error:
-            raise SequenceError(f"{source}: cannot be read: {error.strerror}") from None
         listed = targets.get(folder.absolute().name) or {}
         if missing := sorted({path.name for path in paths} ^ listed.keys()):
             words = "is not listed" if missing[0] not in listed else "is listed, but there is no such image"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+from collections.abc import Generator
 from pathlib import Path
 from typing import Annotated, TypeAlias, TypeVar
 
@@ -47,24 +49,22 @@ def number_rows(path: Path, what: str, count: int, *, more: bool = False) -> Flo
     return rows
 
 
-def read_file(path: Path, limit_bytes: int) -> bytes:
-    """Content of a file.
-
-    Raises:
-        SequenceError: It is missing, cannot be read, or is larger than `limit_bytes`.
-    """
+@contextlib.contextmanager
+def reading(path: Path, missing: str = "no such file") -> Generator[None]:
+    """Raises SequenceError about a file or folder that cannot be read in the block."""
     try:
-        return read_bytes(path, limit_bytes)
+        yield
     except FileNotFoundError:
-        raise SequenceError(f"{path}: no such file") from None
+        raise SequenceError(f"{path}: {missing}") from None
     except OSError as error:
-        raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
+        raise SequenceError(f"{path}: cannot be read: {error.strerror or error}") from None
 
 
 def read_text(path: Path) -> str:
-    """A text file; raises SequenceError as `read_file`, and where it is no text."""
+    """A text file; raises SequenceError where it cannot be read, or is none."""
     try:
-        return read_file(path, MAX_BYTES).decode("utf-8-sig")
+        with reading(path):
+            return read_bytes(path, MAX_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise SequenceError(f"{path}: is not a text file") from None
 

@@ -16,10 +16,11 @@ from av.error import FFmpegError
 
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.image_files import MAX_FILE_BYTES, MAX_PIXELS, decode
+from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.text import one_line
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.formats.files import read_file
+from pftrack_sim.formats.files import reading
 
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png")
 VIDEO = "frames.mp4"
@@ -56,7 +57,9 @@ class ImageFiles(Images):
 
     def read(self, index: int) -> Image:
         """See `Images`."""
-        return decoded_image(self.paths[index], read_file(self.paths[index], MAX_FILE_BYTES))
+        path = self.paths[index]
+        with reading(path):
+            return decoded_image(path, read_bytes(path, MAX_FILE_BYTES))
 
     def where(self, index: int) -> str:
         """See `Images`."""
@@ -103,14 +106,10 @@ def numbered_images(folder: Path) -> list[Path]:
     Raises:
         SequenceError: The folder is missing or has no images; a name is no number; a number is missing or twice there.
     """
-    try:
+    with reading(folder, "no such folder of images"):
         found = [
             entry for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES and not entry.name.startswith(".")
         ]
-    except FileNotFoundError:
-        raise SequenceError(f"{folder}: no such folder of images") from None
-    except OSError as error:
-        raise SequenceError(f"{folder}: cannot be read: {error.strerror}") from None
     if not found:
         raise SequenceError(f"{folder}: no images ({', '.join(SUFFIXES)})")
     for entry in found:

@@ -23,8 +23,9 @@ import numpy as np
 
 from pftrack_sim.core.boxes import NO_BOX, Box
 from pftrack_sim.core.errors import SequenceError, UnknownNameError
+from pftrack_sim.core.inputs import read_bytes
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.formats.files import MAX_BYTES, box_lines, number, number_rows, read_file, read_text
+from pftrack_sim.formats.files import MAX_BYTES, box_lines, number, number_rows, read_text, reading
 from pftrack_sim.formats.mot import read_boxes
 from pftrack_sim.formats.sequence import TARGET
 from pftrack_sim.formats.single_target import VOT_EXPERIMENT, region_box
@@ -217,7 +218,8 @@ def _binary_lines(path: Path) -> list[str]:
 
     Little-endian: version 1, the number of regions, and of each a byte: 0 code, 1 rectangle, 2 polygon, 3 mask.
     """
-    content = io.BytesIO(read_file(path, MAX_BYTES))
+    with reading(path):
+        content = io.BytesIO(read_bytes(path, MAX_BYTES))
 
     def read(form: str) -> tuple[Any, ...]:
         return struct.unpack(f"<{form}", content.read(struct.calcsize(f"<{form}")))

@@ -19,7 +19,7 @@ from pydantic import BaseModel
 from pftrack_sim.core.errors import SequenceError
 from pftrack_sim.core.image_files import MAX_FILE_BYTES
 from pftrack_sim.core.records import Image
-from pftrack_sim.formats.files import JsonBox, JsonNumber, json_content, present_boxes
+from pftrack_sim.formats.files import JsonBox, JsonNumber, json_content, present_boxes, reading
 from pftrack_sim.formats.images import SUFFIXES, Images, decoded_image
 from pftrack_sim.formats.sequence import TARGET, Annotations, Layout, PersonBox, RecordedSequence
 
@@ -46,12 +46,9 @@ class _ShardImages(Images):
         _, start, size = self._members[index]
         if size > MAX_FILE_BYTES:
             raise SequenceError(f"{self.where(index)}: larger than {MAX_FILE_BYTES} bytes, the most that is read")
-        try:
-            with self._path.open("rb") as shard:
-                shard.seek(start)
-                return decoded_image(self.where(index), shard.read(size))
-        except OSError as error:
-            raise SequenceError(f"{self._path}: cannot be read: {error.strerror}") from None
+        with reading(self._path), self._path.open("rb") as shard:
+            shard.seek(start)
+            return decoded_image(self.where(index), shard.read(size))
 
     def where(self, index: int) -> str:
         return f"{self._path}: {self._members[index][0]}"
@@ -93,7 +90,7 @@ class _WebDataset(Layout):
         images: dict[str, tuple[str, int, int]] = {}
         samples: dict[str, _Sample] = {}
         try:
-            with tarfile.open(path, "r:") as shard:
+            with reading(path), tarfile.open(path, "r:") as shard:
                 for member in shard:
                     stem, dot, suffix = member.name.rpartition(".")
                     if member.isreg() and f"{dot}{suffix}" in SUFFIXES and "." not in Path(stem).name:
@@ -104,8 +101,6 @@ class _WebDataset(Layout):
                         samples[stem] = json_content(f"{path}: {member.name}", content, _Sample)
         except tarfile.TarError as error:
             raise SequenceError(f"{path}: is no tar file, or it is damaged: {error}") from None
-        except OSError as error:
-            raise SequenceError(f"{path}: cannot be read: {error.strerror or error}") from None
         if lonely := sorted(images.keys() ^ samples.keys()):
             raise SequenceError(f"{path}: {lonely[0]} has no {'json' if lonely[0] in images else 'image'}")
         ordered = sorted(samples, key=lambda name: samples[name].frame)
