@@ -10,6 +10,7 @@ import pytest
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore, make_plan, run
+from pftrack_sim.benchmark.reading.summary import paired_by_seed
 from pftrack_sim.benchmark.said.comparison import Difference, compare_runs
 from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, UnknownNameError
 
@@ -105,3 +106,8 @@ def test_seeds_needed_follow_the_normal_approximation():
     assert row.seeds_for(0.02) == 197
     assert row.seeds_for(10.0) == 10
     assert row.verdict == "undecided"
+
+
+def test_seeds_that_only_one_side_has_are_not_paired():
+    difference = paired_by_seed({0: 0.9, 1: 0.5, 2: 0.6}, {3: 0.1, 2: 0.4, 1: 0.6})
+    assert difference.values == pytest.approx((-0.1, 0.2))
