@@ -15,6 +15,6 @@ _Array = TypeVar("_Array", bound=NDArray[Any])
 
 
 def read_only(array: _Array) -> _Array:
-    """The same array, which nobody can write to any more."""
+    """The same array, made read-only in place."""
     array.setflags(write=False)
     return array

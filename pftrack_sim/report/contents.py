@@ -18,7 +18,7 @@ from pftrack_sim.benchmark.reading.losses import EVER_TRACKED, LOSS, TAGS, tag_t
 from pftrack_sim.benchmark.reading.summary import by_seed
 from pftrack_sim.benchmark.said.degradation import degradation, levels_of
 from pftrack_sim.core.palette import GREY, STAY, Style, styles_of
-from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
 from pftrack_sim.report.following import following_episodes, video_link
 from pftrack_sim.report.tables import grouped
 from pftrack_sim.score.events import occlusions
@@ -210,7 +210,7 @@ def _board(
     """
     rows: list[tuple[int, int, Mapping[str, Any], str | None]] = []
     slowest: dict[int, tuple[float, int, int, float]] = {}
-    shown: dict[tuple[int, int, int], list[TrackerFrames]] = {}
+    curves: dict[tuple[int, int, int], IntArray] = {}
     told: list[dict[str, Any]] = []
     for number, (episode, its_trackers) in enumerate(episodes):
         for one in its_trackers:
@@ -220,7 +220,7 @@ def _board(
             if ms is not None and frame is not None and ms > slowest.get(tracker, (0.0,))[0]:
                 slowest[tracker] = ms, number, int(frame), round(float(one.frames.time_s[int(frame)]), 3)
             at = (tracker, episode["scenario"], episode["condition"])
-            shown.setdefault(at, []).append(one.frames)
+            curves[at] = curves.get(at, 0) + _counts(one.frames)  # Whole episodes of a long run are not kept
             episode["overlap"][tracker] = _packed(one.frames.overlap)
         told.append(episode)
     most = max(len({one[key] for one in told}) for key in ("seed", "scenario"))
@@ -240,7 +240,10 @@ def _board(
             [tracker, number, *(_json(values.get(name)) for name in measures), error]
             for tracker, number, values, error in rows
         ],
-        "curves": [[*at, *_counts(frames)] for at, frames in shown.items()],
+        "curves": [
+            [*at, int(counts[0]), *(one.tolist() for one in np.split(counts[1:], [score.SUCCESS_THRESHOLDS.size]))]
+            for at, counts in curves.items()
+        ],
         "least_seeds": score.LEAST_FOR_INTERVAL,
         # Of Student's t for so many values, seeds or sequences.
         "quantiles": [0, 0, *(_json(score.student_quantile(count)) for count in range(2, most + 1))],
@@ -252,13 +255,11 @@ def _board(
     }
 
 
-def _counts(frames: Sequence[TrackerFrames]) -> list[Any]:
-    """How many frames of several episodes count, and how many of those are beyond each threshold."""
-    overlap, error_px = (
-        np.concatenate([getattr(one, name)[one.counted] for one in frames]) for name in ("overlap", "centre_error_px")
-    )
-    shares = score.success_curve(overlap), score.precision_curve(error_px)
-    return [overlap.size, *(np.rint(np.nan_to_num(overlap.size * one)).astype(int).tolist() for one in shares)]
+def _counts(frames: TrackerFrames) -> IntArray:
+    """`(1 + S + P,)` frames that count, and those of them beyond each threshold of success and of precision."""
+    counted = frames.counted
+    curves = score.success_curve(frames.overlap[counted]), score.precision_curve(frames.centre_error_px[counted])
+    return np.rint(np.nan_to_num(counted.sum() * np.concatenate([[1.0], *curves]))).astype(np.intp)
 
 
 def _episode(store: RunStore, result: Result, frames: TrackerFrames) -> dict[str, Any]:

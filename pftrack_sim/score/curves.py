@@ -23,9 +23,8 @@ PRECISION_PX = 20.0  # Centre error up to which a frame counts as precise
 SUCCESS_THRESHOLDS = frozen_array(np.linspace(0.0, 1.0, 21))
 """`(21,)` overlaps 0, 0.05 ... 1 (Wu, Lim & Yang 2013, and the GOT-10k toolkit)."""
 
-PRECISION_THRESHOLDS_PX = frozen_array(
-    np.arange(0.0, 51.0)
-)  # `(51,)` centre errors 0, 1 ... 50 px (Wu, Lim & Yang 2013)
+PRECISION_THRESHOLDS_PX = frozen_array(np.arange(0.0, 51.0))
+"""`(51,)` centre errors 0, 1 ... 50 px (Wu, Lim & Yang 2013)."""
 
 STRICT_OVERLAPS = (0.5, 0.75)  # SR_0.5 and SR_0.75 of GOT-10k: shares of frames with *more* overlap
 

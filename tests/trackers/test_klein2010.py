@@ -13,6 +13,16 @@ def made(**given: float) -> Klein2010:
     return tracker
 
 
+def test_the_target_has_more_confidence_than_its_surround(scene: Scene):
+    images, truth = scene
+    tracker = made()
+    tracker.init(images[0], truth[0])
+    around = truth[0] + np.array([[12.0, 0, 0, 0], [-12, 0, 0, 0], [0, 18, 0, 0], [0, -18, 0, 0], [-8, -12, 16, 24]])
+    seen = tracker.observe(images[0], np.concatenate([around, truth[:1]]))
+    assert tracker.similarity(seen, truth[0]) > 0.7
+    assert (0.5 + 0.5 * tracker.confidences(seen, around)).max() < tracker.similarity(seen, truth[0]) - 0.2
+
+
 def test_a_lasting_change_is_learnt(scene: Scene):
     """The target turns slowly into its negative; the classifier of the first frame would not know it any more."""
     images, truth = scene

@@ -59,6 +59,14 @@ def test_one_particle_survives_the_smallest_shares(scene: Scene):
     assert np.isfinite(log_likelihood(scene, particles, **least)).sum() == 1
 
 
+def test_the_true_box_is_more_similar_than_its_neighbours(scene: Scene):
+    truth = scene[1][1]
+    tracker, seen = cascade(scene, spread(truth, 5))
+    assert tracker.similarity(seen, truth) > 0.95
+    for shift in ([6, 0, 0, 0], [0, 8, 0, 0], [0, 0, 10, 0], [0, 0, 0, -12]):
+        assert tracker.similarity(seen, truth + shift) < 0.8 * tracker.similarity(seen, truth)
+
+
 def test_haar_features_compare_halves_and_thirds_of_the_box_and_of_its_quarters():
     image, box = np.zeros((48, 48, 3), np.uint8), np.array([[0.0, 0, 48, 48]])
     image[24:, 32:40] = 255  # the middle third of the lower right quarter

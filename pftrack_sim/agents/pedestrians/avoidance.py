@@ -155,13 +155,52 @@ def _move(movers: Movers, rectangles: Rectangles, tick_s: float) -> None:
             share = min(1.0, _MAX_SPEED_M_S / math.sqrt(vx * vx + vy * vy + 1e-9))
             person.vx, person.vy = share * vx + backward * facing_x, share * vy + backward * facing_y
     for _ in range(_BARRIER_SWEEPS):
-        _part_all(movers, rectangles, tick_s, False)
+        for index in range(len(movers)):
+            person = movers[index]
+            if person.reaction == 0.0:
+                continue
+            for other_index in range(len(movers)):
+                other = movers[other_index]
+                if other_index > index or other.reaction == 0.0:
+                    distance, away_x, away_y = _from_mover(other, person.x, person.y)
+                    room_m = distance - PERSON_DISTANCE_M - other.extra_m
+                    opening = away_x * (person.vx - other.vx) + away_y * (person.vy - other.vy)
+                    lack = max(-BARRIER_RATE_S * room_m - opening, 0.0)
+                    share = 0.5 if other.reaction > 0.0 else 1.0
+                    person.vx, person.vy = person.vx + share * lack * away_x, person.vy + share * lack * away_y
+                    share = 1.0 - share
+                    other.vx, other.vy = other.vx - share * lack * away_x, other.vy - share * lack * away_y
+            for wall in range(len(rectangles)):
+                distance, away_x, away_y = _from_rectangle(rectangles[wall], person.x, person.y)
+                opening = away_x * person.vx + away_y * person.vy
+                lack = max(-BARRIER_RATE_S * (distance - WALL_DISTANCE_M) - opening, 0.0)
+                person.vx, person.vy = person.vx + lack * away_x, person.vy + lack * away_y
     for index in range(len(movers)):
         person = movers[index]
         if person.reaction > 0.0:
             person.x, person.y = person.x + person.vx * tick_s, person.y + person.vy * tick_s
     for _ in range(_SHIFT_SWEEPS):
-        if not _part_all(movers, rectangles, tick_s, True):
+        shifted = False
+        for index in range(len(movers)):
+            person = movers[index]
+            if person.reaction == 0.0:
+                continue
+            for other_index in range(len(movers)):
+                other = movers[other_index]
+                if other_index > index or other.reaction == 0.0:
+                    distance, away_x, away_y = _from_mover(other, person.x, person.y)
+                    lack = LEAST_PERSON_M + other.extra_m - distance
+                    if lack > 1e-6:
+                        shifted, share = True, 0.5 if other.reaction > 0.0 else 1.0
+                        _shift(person, share * lack * away_x, share * lack * away_y, tick_s)
+                        _shift(other, (share - 1.0) * lack * away_x, (share - 1.0) * lack * away_y, tick_s)
+            for wall in range(len(rectangles)):
+                distance, away_x, away_y = _from_rectangle(rectangles[wall], person.x, person.y)
+                lack = _LEAST_WALL_M - distance
+                if lack > 1e-6:
+                    shifted = True
+                    _shift(person, lack * away_x, lack * away_y, tick_s)
+        if not shifted:
             break
     for index in range(len(movers)):
         person = movers[index]
@@ -173,48 +212,10 @@ def _move(movers: Movers, rectangles: Rectangles, tick_s: float) -> None:
 
 
 @part_of_kernel
-def _part_all(movers: Movers, rectangles: Rectangles, tick_s: float, shifts: bool) -> bool:
-    """Part all pairs, and people from walls, one after the other; whether any had to be.
-
-    By their velocities, as much as the barriers ask; where `shifts`, by their positions, to the least distances.
-    """
-    parted, tolerated = False, 1e-6 if shifts else 0.0
-    for index in range(len(movers)):
-        person = movers[index]
-        if person.reaction == 0.0:
-            continue
-        for other_index in range(len(movers)):
-            other = movers[other_index]
-            if other_index > index or other.reaction == 0.0:
-                distance, away_x, away_y = _from_mover(other, person.x, person.y)
-                if shifts:
-                    lack = LEAST_PERSON_M + other.extra_m - distance
-                else:
-                    opening = away_x * (person.vx - other.vx) + away_y * (person.vy - other.vy)
-                    lack = -BARRIER_RATE_S * (distance - PERSON_DISTANCE_M - other.extra_m) - opening
-                if lack > tolerated:
-                    parted, share = True, 0.5 if other.reaction > 0.0 else 1.0
-                    _push(person, share * lack * away_x, share * lack * away_y, tick_s, shifts)
-                    _push(other, (share - 1.0) * lack * away_x, (share - 1.0) * lack * away_y, tick_s, shifts)
-        for wall in range(len(rectangles)):
-            distance, away_x, away_y = _from_rectangle(rectangles[wall], person.x, person.y)
-            if shifts:
-                lack = _LEAST_WALL_M - distance
-            else:
-                lack = -BARRIER_RATE_S * (distance - WALL_DISTANCE_M) - (away_x * person.vx + away_y * person.vy)
-            if lack > tolerated:
-                parted = True
-                _push(person, lack * away_x, lack * away_y, tick_s, shifts)
-    return parted
-
-
-@part_of_kernel
-def _push(mover: Any, x: float, y: float, tick_s: float, shifts: bool) -> None:
-    """Change a velocity [m/s]; or shift a mover [m], whose velocity is that of the whole way."""
-    if shifts:
-        mover.x, mover.y = mover.x + x, mover.y + y
-        x, y = x / tick_s, y / tick_s
-    mover.vx, mover.vy = mover.vx + x, mover.vy + y
+def _shift(mover: Any, x: float, y: float, tick_s: float) -> None:
+    """Displace a mover by a vector [m]; its velocity is that of the whole way."""
+    mover.x, mover.y = mover.x + x, mover.y + y
+    mover.vx, mover.vy = mover.vx + x / tick_s, mover.vy + y / tick_s
 
 
 @part_of_kernel

@@ -76,12 +76,12 @@ class Crowd:
         self._target = walk_of(target_path, target, target_axis or TargetAxis())
         counts = {"distractor": distractors.count, "crosser": len(crossings), "passer": len(oncoming)}
         self.names = ("target", *(f"{kind}-{i + 1}" for kind, count in counts.items() for i in range(count)))
-        self._wanderers = slice(1, len(self.names))  # Those who react to others, except while they follow a script
+        self._reactive = slice(1, len(self.names))  # Those who react to others, except while they follow a script
         self._walks: list[Walk] = [self._target]
         self._walks += [TargetWalk(Path(one.path_m), one.person, TargetAxis()) for one in targets]
         self._members = [GroupMember(place, self._target) for place in group_places(groups, target_path)]
-        led = dict(enumerate([*self._members, *self._walks[1:]], start=len(self.names)))
-        self._led: dict[int, Walk | GroupMember] = {0: self._target, **led}
+        others = dict(enumerate([*self._members, *self._walks[1:]], start=len(self.names)))
+        self._independent: dict[int, Walk | GroupMember] = {0: self._target, **others}
         self.names += (*(f"member-{i + 1}" for i in range(len(self._members))), *(one.name for one in targets))
         # Pedestrians, robot, carts; of each x, y, vx, vy as a row of the state.
         self._robot = len(self.names)
@@ -89,7 +89,7 @@ class Crowd:
         self._state = self._movers.view(np.float64).reshape(len(self._movers), -1)[:, :4]
         self._headings = self._movers["heading"][: self._robot]
         self._movers["pace"] = 1.0
-        self._movers["turns"][self._wanderers] = 1.0
+        self._movers["turns"][self._reactive] = 1.0
         self._movers["extra_m"][self._robot :] = VEHICLE_EXTRA_M
         self._state[self._robot, :2] = FAR_M
         rngs = [stream(seed, f"{kind}s", i) for kind, count in counts.items() for i in range(count)]
@@ -98,9 +98,9 @@ class Crowd:
         factors = self._movers["pace"][1 : 1 + distractors.count]
         self._pace = PaceChanges(rngs_of_pace, distractors.changes_per_minute, factors)
 
-        self._store_led()
-        occupied = [self._state[person, :2].copy() for person in self._led]
-        for person, one in self._led.items():
+        self._store_independent()
+        occupied = [self._state[person, :2].copy() for person in self._independent]
+        for person, one in self._independent.items():
             mover, line = self._movers[person], one.outline
             mover["rear_m"], mover["front_m"], mover["extra_m"] = line
             if line != Outline():
@@ -159,7 +159,8 @@ class Crowd:
     @property
     def postures(self) -> tuple[Posture, ...]:
         """Posture of each pedestrian."""
-        return tuple(self._led[person].posture if person in self._led else PLAIN for person in range(self._robot))
+        walks = (self._independent.get(person) for person in range(self._robot))
+        return tuple(PLAIN if one is None else one.posture for one in walks)
 
     def _start_distractor(self, person: int, rng: np.random.Generator, occupied: list[FloatArray]) -> None:
         walking_speed = self._distractors.speed_m_s * float(np.clip(rng.normal(1.0, 0.12), 0.75, 1.25))
@@ -191,7 +192,7 @@ class Crowd:
             walk.update(dt_s, robot, camera_m)
         for member in self._members:
             member.update(dt_s, time_s)
-        self._store_led()
+        self._store_independent()
         around = Surroundings(camera_m, robot_m, self._target)
         self._update_scripted(dt_s, time_s, around)
         for cart in self.carts:
@@ -239,7 +240,7 @@ class Crowd:
         self._goals.walk_and_stop(person, time_s, position, route)
 
     def _update_reactive(self, dt_s: float, time_s: float) -> None:
-        if self._wanderers.stop == 1:
+        if self._reactive.stop == 1:
             return
         self._pace.update(time_s)
         self._goals.update(dt_s, time_s, self.target_s_m)
@@ -248,7 +249,7 @@ class Crowd:
     def _group(self) -> None:
         """Divide the pedestrians into reactive and scripted ones, after a phase has changed."""
         reaction = self._movers["reaction"]
-        reaction[self._wanderers] = 1.0
+        reaction[self._reactive] = 1.0
         for person, pedestrian in self._scripted.items():
             if pedestrian.phase in (Phase.SCRIPTED, Phase.WAITING):
                 reaction[person] = 0.0 if pedestrian.phase is Phase.SCRIPTED else WAITING_REACTION
@@ -263,9 +264,9 @@ class Crowd:
         ratio = min(robot_speed / max(target_speed, 0.3), 1.0)
         return np.asarray(around.camera_m) + ratio * (target - around.target_m), target
 
-    def _store_led(self) -> None:
-        """Store where those are who walk their way whatever others do."""
-        for person, one in self._led.items():
+    def _store_independent(self) -> None:
+        """Store where those are whose way does not depend on other people."""
+        for person, one in self._independent.items():
             self._state[person], self._headings[person] = one.state, one.heading_rad
 
 

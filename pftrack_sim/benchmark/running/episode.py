@@ -27,8 +27,8 @@ from pftrack_sim.benchmark.running.rollout import (
     backwards,
     detected,
     drive,
-    passing,
     rollout,
+    shown_to,
     simulated,
 )
 from pftrack_sim.benchmark.running.sinks import (
@@ -177,7 +177,7 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
             else:
                 with _drawn(job, drawn) as samples:
                     if episode.backward:
-                        samples = backwards(passing(samples, drawn), folder)
+                        samples = backwards(shown_to(samples, drawn), folder)
                     if any(runner.needs_detections for runner in runners):
                         samples = detected(samples, episode.scenario.resolve(episode.seed), episode.seed)
                     rollout(samples, runners, sinks)
@@ -219,6 +219,6 @@ def _drawn(job: EpisodeJob, log: TruthLog) -> Generator[Iterable[Sample]]:
         simulation = opened.enter_context(Simulation(episode.scenario, backend=job.backend))
         samples = simulated(simulation, episode.seed, sensors=bool(job.logs))
         if cache is not None and entry is not None:
-            samples = passing(samples, opened.enter_context(cache.writer(entry, log)))
+            samples = shown_to(samples, opened.enter_context(cache.writer(entry, log)))
         yield samples
         log.graphics = simulation.graphics

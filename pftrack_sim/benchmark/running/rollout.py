@@ -148,8 +148,8 @@ def recorded(sequence: RecordedSequence, rate_hz: float) -> Iterator[Sample]:
         yield Sample(index / rate_hz, image, box, float(np.isfinite(box[0])), caption=caption, detections=found)
 
 
-def passing(samples: Iterable[Sample], sink: Sink) -> Iterator[Sample]:
-    """The same frames, each of them shown to a sink before it is passed on."""
+def shown_to(samples: Iterable[Sample], sink: Sink) -> Iterator[Sample]:
+    """The same frames; each is shown to a sink first."""
     for sample in samples:
         sink(sample)
         yield sample
@@ -209,13 +209,13 @@ class Driver:
         self._true_box: Box = np.zeros(4)
         self._visible_fraction = 1.0
         self._detections: Detections | None = None
-        self._took_it = False
+        self._called = False
         policy = policies.TrackAndFollowPolicy(self, controller, robot)
         self._policy = policies.LatencyWrapper(policy, latency_ms, rate_hz)
 
     def __call__(self, sample: Sample) -> Action:
         """Return the action for a frame, and record the estimate that counts for it."""
-        runner, self._took_it = self._runner, False
+        runner, self._called = self._runner, False
         if runner.error is not None:
             runner.record(None, "error")
             return NO_ACTION
@@ -229,7 +229,7 @@ class Driver:
         except Exception as error:  # noqa: BLE001 - a third-party controller may raise anything
             runner.fail(fault_of(error))
             return NO_ACTION
-        if self._took_it:
+        if self._called:
             runner.record(self._policy.estimate, "ok" if started else "init", runner.took_ms)
         else:
             runner.record(self._policy.estimate if started else None, "busy" if started else "waiting")
@@ -250,5 +250,5 @@ class Driver:
 
     def update(self, image: Image) -> Estimate:
         """See `Tracker`."""
-        self._took_it = True
+        self._called = True
         return self._runner.call(image, self._true_box, self._visible_fraction, self._detections)

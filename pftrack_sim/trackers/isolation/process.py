@@ -54,11 +54,13 @@ class Limits:
     Attributes:
         frame_s: Time for one frame.
         memory_mb: Memory besides Python's own; 0 is no limit. Enforced on Linux only.
+        make_s: Time for making the tracker, including imports and model files.
         processes: Number of processes at which it is ended. Enforced on Linux only.
     """
 
     frame_s: float = 60.0
     memory_mb: float = 4096.0
+    make_s: float = 120.0
     processes: int = 4096
 
     def __post_init__(self) -> None:

@@ -15,9 +15,6 @@ from pftrack_sim.core.records import Detections, Estimate, Image, TrackedBoxes
 from pftrack_sim.core.text import one_line
 from pftrack_sim.trackers.isolation.process import TrackerCode, TrackerFault, TrackerProcesses
 
-_MAKE_S = 120.0
-"""Time for making a tracker, including imports and model files."""
-
 
 class IsolatedTracker:
     """A tracker in a process of its own, for one episode, without state from earlier ones.
@@ -52,7 +49,7 @@ class IsolatedTracker:
         self._printed: str | None = None
         self._open = True
         with contextlib.suppress(TrackerFault):  # reported by the first reply
-            self._process.send({"command": "start", "seed": seed}, _MAKE_S)
+            self._process.send({"command": "start", "seed": seed}, self._limits.make_s)
 
     @property
     def needs_truth(self) -> bool:
@@ -68,7 +65,7 @@ class IsolatedTracker:
         """Wait until the tracker is made, and return what it said of itself; raises TrackerFault if it fails."""
         if self._made is None:
             try:
-                self._made = self._process.receive(_MAKE_S)
+                self._made = self._process.receive(self._limits.make_s)
             except TrackerFault as error:
                 self._made = TrackerFault(f"could not be made: {error}", error.traceback)
         if isinstance(self._made, TrackerFault):
