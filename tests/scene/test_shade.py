@@ -60,22 +60,33 @@ def test_patches_add_no_light_source_and_differ_by_seed(kind: str, casts: int) -
     assert differ or (patchy.mesh_vert != other.mesh_vert).any()
 
 
-def frame(patches: float, shadows: bool) -> Frame:
-    values = {"lights.patches": patches, "lights.shadows": shadows, "camera.width_px": 160, "camera.height_px": 120}
+def frame(patches: float, *, shadowless: bool = False) -> Frame:
+    values = {"lights.patches": patches, "lights.shadows": True, "camera.width_px": 160, "camera.height_px": 120}
     values |= {"place.clutter": 0.0, "distractors.count": 0}
-    with Simulation(scenario.load("plaza-walk", values)) as simulation:
-        return simulation.reset(2)
+    with Simulation(scenario.load("easy/plaza-walk", values)) as simulation:
+        simulation.reset(2)
+        if shadowless:
+            simulation.world.model.light_castshadow[:] = 0
+        return simulation.advance()
 
 
 def test_what_casts_the_patches_is_not_seen() -> None:
-    even, patchy = frame(0.0, shadows=False), frame(0.7, shadows=False)
+    even, patchy = frame(0.0, shadowless=True), frame(0.7, shadowless=True)
     np.testing.assert_array_equal(even.image, patchy.image)
     assert even.truth.visible_fraction == patchy.truth.visible_fraction
 
 
+@pytest.mark.parametrize(("kind", "name"), [("plaza", "foliage"), ("hall", "windowed-roof")])
+def test_what_casts_the_patches_is_there_with_shadows_only(kind: str, name: str) -> None:
+    for shadows in (False, True):
+        spec = SceneSpec()
+        add_place(spec, Place(kind=kind), Lights(patches=0.5, shadows=shadows), stream(0, "place"))
+        assert (spec.body(name) is not None) == shadows
+
+
 @pytest.mark.slow
 def test_patches_change_the_image_and_not_the_truth() -> None:
-    even, patchy = frame(0.0, shadows=True), frame(0.7, shadows=True)
+    even, patchy = frame(0.0), frame(0.7)
     assert np.abs(patchy.image.astype(float) - even.image).mean() > 3.0
     assert even.truth.visible_fraction == patchy.truth.visible_fraction
     np.testing.assert_array_equal(even.truth.visible_box, patchy.truth.visible_box)

@@ -118,7 +118,7 @@ class PlaceBuilder:
         self._add_light("sun", _DISTANT, direction, sun, casts_shadow=lights.shadows)
         if lights.patches:
             crowns = foliage(self.bounds, lights.patches, lights.patch_m, _FOLIAGE_M, self.patch_rng)
-            if len(crowns.faces):
+            if lights.shadows and len(crowns.faces):
                 self.add(Item("foliage", (crowns,)))
         # Light from the sky has a direction: without it all shaded fronts would look flat.
         self.add_fill("sky", (-0.75 * direction[0], -0.75 * direction[1], -0.5), sky)
@@ -136,7 +136,8 @@ class PlaceBuilder:
         elevation_deg = max(lights.sun_elevation_deg, _LEAST_WINDOW_SUN_DEG)
         above = sun_direction(lights.model_copy(update={"sun_elevation_deg": elevation_deg}))
         roof = roof_with_windows(self.bounds, lights.patches, lights.patch_m, height, self.patch_rng)
-        self.add(Item("windowed-roof", (roof,)))
+        if lights.shadows:
+            self.add(Item("windowed-roof", (roof,)))
         self._add_light("lamp-above", _DISTANT, above, sun, casts_shadow=lights.shadows)
 
     def add_fill(self, name: str, direction: ArrayLike, rgb: ArrayLike, patches_take: float = 0.0) -> None:
