@@ -172,13 +172,17 @@ def _precision(store: RunStore, figure: Any) -> None:
 
 
 def _reliability(store: RunStore, figure: Any) -> None:
-    """How often each tracker is right at each confidence: tenths of its frames with equal count, area under the ROC."""
+    """How often each tracker is right at each confidence: tenths of its frames with equal count, area under the ROC.
+
+    A target that is reported as occluded has a confidence of 0.
+    """
     axes = _plot(figure)
     right = f"overlap of at least {score.LOOSE_OVERLAP:g}"
     axes.set(xlabel="confidence", ylabel=f"share of frames with an\n{right}", xlim=(0, 1), ylim=(0, 1.02))
     axes.plot([0, 1], [0, 1], color="0.7", lw=0.8, ls=":")
     rows = store.query(
-        f"SELECT label, confidence, overlap >= {score.LOOSE_OVERLAP} FROM frames WHERE scored AND status = 'ok' "
+        f"SELECT label, if(estimate_occluded, 0, confidence), overlap >= {score.LOOSE_OVERLAP} "
+        "FROM frames WHERE scored AND status = 'ok' "
         "QUALIFY row_number() OVER (PARTITION BY label, scenario, condition, seed ORDER BY frame) > 1 ORDER BY ALL"
     ).rows
     for tracker, own in itertools.groupby(rows, key=lambda row: row[0]):

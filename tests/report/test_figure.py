@@ -12,8 +12,14 @@ from small_report import SMALL
 from pftrack_sim import report
 from pftrack_sim.benchmark import make_plan, run
 from pftrack_sim.benchmark.asked.from_names import join_plans
+from pftrack_sim.benchmark.asked.plan import TrackerSpec
+from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
+from pftrack_sim.core.plugins import BuiltIn
+from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.report.figure import _name_curves, _write_names
+from pftrack_sim.trackers import registry
+from pftrack_sim.trackers.reference import Stay
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.05, 0.9])
@@ -41,6 +47,27 @@ def test_figures_for_papers(finished: Path, tmp_path: Path, name: str):
     head = target.read_bytes()[:8]
     assert head.startswith({"pdf": b"%PDF", "svg": b"<?xml", "png": b"\x89PNG"}[name[-3:]])
     assert [path.name for path in target.parent.iterdir()] == [name]
+
+
+class Honest(Stay):
+    """Is always sure, and says that the target is occluded where its box is off."""
+
+    def receive_truth(self, box: boxes.Box, visible_fraction: float) -> None:
+        self._true = box
+
+    def _follow(self, image: Image) -> Estimate:
+        return Estimate(self._box, occluded=bool(boxes.iou(self._box, self._true) < 0.3))
+
+
+def test_reliability_takes_an_occluded_target_for_no_confidence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    honest = BuiltIn(lambda **_: Honest(), "says where its box is off", Honest.__module__)
+    monkeypatch.setitem(registry._REGISTRY.builtin, "honest", honest)
+    overrides = {**SMALL, "duration_s": 3.0, "camera.rate_hz": 10.0}
+    plan = make_plan(["plaza-walk"], [TrackerSpec(name="honest", allow_truth=True), "stay"], [0], overrides=overrides)
+    store = run(plan, tmp_path / "run", videos="none", workers=0, isolation="never")
+    drawn = report.write_figure(store.path, tmp_path / "reliability.svg").read_text()
+    assert "honest (truth) [1.00]" in drawn
+    assert "stay [0.50]" in drawn
 
 
 @pytest.mark.slow
