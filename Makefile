@@ -9,7 +9,9 @@ WHEEL_VENV := build/wheel-venv
 SCORERS := trackeval==1.3.0 vot-toolkit==0.9.0
 
 WITHOUT_GL := PYTHONPATH=tests/without_opengl
-# Modules are compiled when they are first imported: most of the libraries never are.
+# Modules are compiled when they are first imported (most of the libraries never are), and then kept, also where the
+# environment says not to: every process would compile them for two seconds.
+unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
 
 .PHONY: setup demo bare test test-slow fuzz lint perf docs wheel pictures results clean
