@@ -76,6 +76,9 @@ bare: $(VENV)/.test
 	$(WITHOUT_GL) $(BIN)/pftrack-sim doctor --check
 	$(WITHOUT_GL) $(BIN)/pftrack-sim bench corridor --seeds 0:1 --trackers stay --set duration_s=0.5 --out build/bare
 
+# Linear algebra on a thread for each core waits for its threads where every core is busy: up to ten times as long.
+test test-slow: export OPENBLAS_NUM_THREADS := 1
+
 test: $(VENV)/.test
 	$(BIN)/python -m pytest -n 2 --dist worksteal -q -m "not slow"
 

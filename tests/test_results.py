@@ -39,6 +39,7 @@ def test_every_table_of_a_run_on_the_pages_has_its_command():
     assert set(names) == blocks
 
 
+@pytest.mark.slow
 def test_a_part_is_made_once_and_again_where_command_or_code_is_another(
     part: Part, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -67,6 +68,7 @@ def test_a_part_is_made_once_and_again_where_command_or_code_is_another(
     assert stale(part, kept) == ["other code of stay"]
 
 
+@pytest.mark.slow
 def test_a_part_that_other_code_made_stays_where_it_is_the_same_to_the_bit(
     part: Part, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from pftrack_sim.benchmark import RunStore, TrackerSpec, make_plan, run
 from pftrack_sim.benchmark.running.filming import film
@@ -19,6 +20,7 @@ def test_places_are_even_and_each_runs_where_more_frames_are():
     assert anchors(5) == [0.0, 0.25, 0.5, -0.75, -1.0]
 
 
+@pytest.mark.slow
 def test_a_run_backward_shows_the_same_frames_in_the_other_order(tmp_path: Path):
     specs = [TrackerSpec(name="ko2012", params={"particle_count": 10}), TrackerSpec(name="stay")]
     plan = make_plan(

@@ -180,6 +180,7 @@ def test_axes_that_cannot_rise_together_are_an_error():
         make_searches(PLAN, Wanted(spans, TRACKED, joint=True))
 
 
+@pytest.mark.slow
 def test_a_search_stops_at_its_budget_and_at_its_seeds():
     search, outcomes = searched(
         {"ncc": 1.5, "stay": 1.5}, lambda stress, point: 0.9 * (stress < point) + 0.05, budget=40
@@ -190,6 +191,7 @@ def test_a_search_stops_at_its_budget_and_at_its_seeds():
     assert {one.stopped for one in search.limits(outcomes)} == {"seeds used up"}
 
 
+@pytest.mark.slow
 def test_a_success_rate_that_rises_again_has_no_breaking_point():
     search, outcomes = searched(
         {"ncc": 1.0, "stay": 1.5}, lambda stress, point: float(not point < stress < 4.0 * point)
@@ -212,6 +214,7 @@ def small_search(path: Path, budget: int = 24, **options: Any) -> Limits:
     return find_limits(first_plan(plan, searches), searches, path, **options)
 
 
+@pytest.mark.slow
 def test_the_same_search_gives_the_same_bits_and_can_be_resumed(tmp_path):
     whole = small_search(tmp_path / "whole")
     assert read_limits(tmp_path / "whole") == whole

@@ -155,6 +155,7 @@ def test_scores_that_its_frames_do_not_have_are_refused(made: dict[str, Submissi
     assert said.startswith("1 episodes are missing")
 
 
+@pytest.mark.slow
 def test_a_submission_is_verified_and_a_tampered_one_refused(made: dict[str, Submission], tmp_path: Path):
     path = tmp_path / "one.parquet"
     write_submission(path, made["ncc"])
@@ -170,6 +171,7 @@ def test_a_submission_is_verified_and_a_tampered_one_refused(made: dict[str, Sub
     assert "different: overlap" in done.stdout
 
 
+@pytest.mark.slow
 def test_episodes_are_chosen_by_the_seed_and_other_frames_prove_nothing(made: dict[str, Submission]):
     def redraw(row: dict[str, Any]) -> None:
         row.update(frames_digest="0" * 32, graphics="another")
@@ -314,6 +316,7 @@ def test_a_seed_that_lacks_an_episode_does_not_count():
     assert math.isnan(found.explained["occluded"])
 
 
+@pytest.mark.slow
 def test_a_third_party_s_tracker_is_named_before_its_code_runs(suite: str, made: dict[str, Submission], tmp_path: Path):
     (tmp_path / "my_tracker.py").write_text(
         "from pftrack_sim.trackers import make as builtin\n\n"

@@ -158,11 +158,13 @@ def test_claims_on_following_need_controllers():
     assert claim.verdict == "holds"
 
 
+@pytest.mark.slow
 def test_variants_distinguish_conditions_of_equal_levels():
     names = {one.condition.name for one in plan_all(["follow"], seeds=[0], closed_loop=True).episodes()}
     assert {"stranger occlusion=1", "lookalike occlusion=1", "latency=55", "jitter=0"} <= names
 
 
+@pytest.mark.slow
 def test_a_closed_loop_suite_can_be_run_in_open_loop():
     (driven,), (scripted,) = (
         plan_all(["kwon2005"], seeds=[0], closed_loop=closed_loop).suites for closed_loop in (True, False)
@@ -236,7 +238,10 @@ def test_unknown_and_unreadable_suites(tmp_path: Path):
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=pytest.mark.slow) if name in ("follow", "stress") else name for name in suite_names()],
+    [
+        pytest.param(name, marks=pytest.mark.slow) if name in ("follow", "ladder", "stress") else name
+        for name in suite_names()
+    ],
 )
 def test_every_shipped_suite_names_what_exists(name: str):
     suite = load_suite(name)

@@ -224,6 +224,7 @@ def test_tables_name_a_tracker_with_its_parameters(tmp_path: Path):
     assert "ncc[preset=paper]" in compared
 
 
+@pytest.mark.slow
 def test_a_search_reports_the_best_on_other_seeds(tmp_path: Path):
     command = ["bench", "corridor", "--trackers", "ko2012[particle_count=10],stay", *SMALL, *HERE]
     command += ["--search", "ko2012.sigma_centre=0.001,4", "--out", str(tmp_path / "a")]
@@ -247,6 +248,7 @@ def test_a_search_reports_the_best_on_other_seeds(tmp_path: Path):
     assert max(means, key=means.__getitem__) == found[1]
 
 
+@pytest.mark.slow
 def test_a_search_in_closed_loop_keeps_what_follows_for_longest(tmp_path: Path):
     command = ["follow", "corridor", "--trackers", "ko2012[particle_count=10]", *SMALL, *HERE]
     command += ["--search", "alpha=0.2,0.9", "--seeds", "0", "--search-seeds", "5", "--out", str(tmp_path / "a")]

@@ -53,6 +53,7 @@ def test_a_faded_image_keeps_the_target_and_loses_the_contrast_of_all_else(evide
     assert evidence.faded(image, None, 0.0).std((0, 1)).max() == 0.0
 
 
+@pytest.mark.slow
 def test_the_table_has_a_line_for_each_change(evidence: Any):
     few = {"duration_s": 0.2, "camera.width_px": 160, "camera.height_px": 120}
     _, _, *rows = evidence.background({"lee2012/01": (0,)}, few)
@@ -61,6 +62,7 @@ def test_the_table_has_a_line_for_each_change(evidence: Any):
     assert all(0 <= int(cell) <= 100 for row in rows for cell in row.strip("| ").split(" | ")[1:])
 
 
+@pytest.mark.slow
 def test_causes_has_two_presets_by_four_changes_and_a_box_of_fixed_size(evidence: Any, monkeypatch: pytest.MonkeyPatch):
     real = evidence.frames
     short = {"duration_s": 0.3, "camera.width_px": 160, "camera.height_px": 120}

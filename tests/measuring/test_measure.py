@@ -100,6 +100,7 @@ def test_slow_turns_are_taken_for_intended(tmp_path: Path):
     assert value_of(measured(tmp_path, [turned(picture, one) for one in slow]), "yaw above 1 Hz").value < 0.2
 
 
+@pytest.mark.slow
 def test_a_scenario_that_extends_the_file_has_the_measured_shake(tmp_path: Path):
     found = measured(tmp_path, shaken())
     file = tmp_path / "mine.toml"
@@ -112,6 +113,7 @@ def test_a_scenario_that_extends_the_file_has_the_measured_shake(tmp_path: Path)
     assert read_levels(file)["jitter"].level == pytest.approx(axis.physical)
 
 
+@pytest.mark.slow
 def test_an_unknown_field_of_view_widens_the_interval_and_is_said(tmp_path: Path):
     material = read_material(write_images(tmp_path / "frames", shaken()), RATE_HZ)
     known, unknown = (measure_video(material, fovy_deg=fovy) for fovy in (50.0, None))
@@ -121,6 +123,7 @@ def test_an_unknown_field_of_view_widens_the_interval_and_is_said(tmp_path: Path
     assert value_of(known, "roll above 1 Hz") == value_of(unknown, "roll above 1 Hz")
 
 
+@pytest.mark.slow
 def test_times_of_a_video_tell_lost_frames_and_its_shake(tmp_path: Path):
     kept = [index for index in range(200) if index % 20 not in (7, 8)]
     images = shaken(200)
@@ -149,6 +152,7 @@ def dimmed(image: np.ndarray, stops: float) -> np.ndarray:
     return np.rint(image * 2.0 ** (-stops / 2.2)).astype(np.uint8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stops", [0.0, 0.6, 1.5])
 def test_a_change_of_the_light_is_told_from_motion_and_from_none(tmp_path: Path, stops: float):
     images = [dimmed(one, stops if index >= 75 else 0.0) for index, one in enumerate(shaken())]
@@ -165,6 +169,7 @@ def test_a_change_of_the_light_is_told_from_motion_and_from_none(tmp_path: Path,
     assert axis.at_s == pytest.approx(3.0, abs=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("depth", "hz", "said"), [(0.0, 5.0, ""), (0.1, 5.0, "lamps of 120 Hz"), (0.3, 3.1, "21.9 or")]
 )
@@ -187,6 +192,7 @@ def test_flicker_is_told_beside_a_change(tmp_path: Path, depth: float, hz: float
         assert said in " ".join(found.doubts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rms_deg", "readout_ms"), [(0.5, 20.0), (0.5, 0.0), (0.0, 20.0)])
 def test_the_readout_of_a_rolling_shutter_is_told_where_the_camera_shakes(
     tmp_path: Path, rms_deg: float, readout_ms: float
@@ -214,6 +220,7 @@ def test_the_readout_of_a_rolling_shutter_is_told_where_the_camera_shakes(
         assert axes.rolling_shutter.physical == pytest.approx(one.value, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rms_deg", "exposure_ms", "said"),
     [(1.0, 16.0, ""), (1.0, 30.0, ""), (1.0, 0.0, "not smeared"), (0.05, 24.0, "shakes too little")],
@@ -237,6 +244,7 @@ def test_the_exposure_is_told_where_the_camera_shakes(tmp_path: Path, rms_deg: f
     assert axes.blur.physical == pytest.approx(one.value, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_nothing_is_measured_across_a_cut(tmp_path: Path):
     first, second = shaken(110), [turned(texture(3), one) for one in shake(110, 0.5, seed=2)]
     found = measured(tmp_path, first + second)
@@ -333,6 +341,7 @@ def test_files_without_levels_are_refused(tmp_path: Path):
             read_levels(file)
 
 
+@pytest.mark.slow
 def test_a_rate_that_is_not_told_is_no_measurement(tmp_path: Path):
     folder = write_images(tmp_path / "frames", shaken())
     found = measure_video(read_material(folder), fovy_deg=50.0)

@@ -161,6 +161,7 @@ def test_the_image_agrees_with_the_box_through_the_lens(studio, camera: str):
         assert np.abs(sides(frame.truth.visible_box) - sides(seen)).max() <= 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("camera", "at"),
     [

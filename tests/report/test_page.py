@@ -73,6 +73,7 @@ def test_answers_begin_with_mark_and_name(opened: Any):
         assert abs(mark["y"] - name["y"]) < 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [390, 1280])
 def test_nothing_moves_while_it_loads(show: Callable[..., Any], finished: Path, width: int):
     page = show(report.write_report(finished), width)
@@ -80,6 +81,7 @@ def test_nothing_moves_while_it_loads(show: Callable[..., Any], finished: Path, 
     assert page.evaluate(SHIFTED) < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_texts_can_be_read(show: Callable[..., Any], finished: Path, scheme: str):
     page = show(report.write_report(finished))

@@ -287,6 +287,7 @@ def test_a_person_who_comes_into_shade_while_occluded_is_followed_on(seed: int, 
     assert min(one.confidence for one in estimates[-20:]) > 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "given"), [("pftrack", {}), ("ko2012", {"recognition": "search"}), ("ncc", {"recognition": "search"})]
 )

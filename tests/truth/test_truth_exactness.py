@@ -230,6 +230,7 @@ HIDDEN_ROWS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed", "from_s", "severities"), HIDDEN_ROWS)
 def test_pixels_of_a_partly_hidden_target_are_those_that_its_rays_meet_when_their_row_is_exposed(
     monkeypatch: pytest.MonkeyPatch, name: str, seed: int, from_s: float, severities: dict[str, float]
@@ -271,6 +272,7 @@ def test_pixels_of_a_partly_hidden_target_are_those_that_its_rays_meet_when_thei
     assert compared >= 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("focal_px", "off_axis_deg"), [(153.0, 50.0), (99.0, 65.0)])
 def test_people_far_off_the_axis_of_an_equidistant_lens_are_those_of_an_independent_segmentation(
     focal_px: float, off_axis_deg: float
