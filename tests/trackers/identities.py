@@ -1,9 +1,11 @@
-"""How well identity, colours and both tell a target from other people; prints the table of docs/pftrack.md.
+"""How well identity, colours, both and the people met tell a target from others; prints the numbers of docs/pftrack.md.
 
-python tests/trackers/identities.py
+python tests/trackers/identities.py [SEEDS]
 """
 
 from __future__ import annotations
+
+import sys
 
 import numpy as np
 
@@ -15,19 +17,24 @@ from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import ramp
 
 COURSES, SEEDS = ("corridor", "plaza", "street", "warehouse"), range(30, 46)
+AGO_S = 2.0  # Somebody else is known to have been met who was first seen so long ago
 EVERY, FROM_S, KEPT = 4, 5.0, 0.95  # Frames, start of what counts, and share of the target's views that are kept
 SIZE = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 15}
 
 
-def views(name: str, seed: int) -> list[tuple[bool, float, float]]:
-    """Of everybody in full view behind a robot that follows by the truth: whether it is the target, and likenesses."""
+def views(name: str, seed: int) -> list[tuple[bool, float, float, bool, bool]]:
+    """Of everybody in full view behind a robot that follows by the truth: whether it is the target, and likenesses.
+
+    Then whether somebody who was met is more alike, and whether the person is one of those, or the target.
+    """
     loaded = scenario.load(name, SIZE)
     env = TrackAndFollowEnv(loaded)
     robot = policies.robot_parameters(loaded.resolve(seed))
     policy = policies.TrackAndFollowPolicy(trackers.make("oracle"), controllers.make("servo-avoid"), robot)
     observation, info = env.reset(seed=seed)
     known: KnownPerson | None = None
-    found: list[tuple[bool, float, float]] = []
+    found: list[tuple[bool, float, float, bool, bool]] = []
+    met: dict[str, tuple[float, np.ndarray]] = {}
     ended = False
     while not ended:
         frame = env.simulation.frame
@@ -41,8 +48,13 @@ def views(name: str, seed: int) -> list[tuple[bool, float, float]]:
                 known = KnownPerson.found(pyramid, centre, size)
                 continue
             view = known.describe(pyramid, centre, size)
+            since_s, mean = met.get(one.name, (frame.time_s, view.identity))
+            known._others = np.array([other / np.linalg.norm(other) for _, other in met.values()]).reshape(-1, 32)
             if frame.time_s > FROM_S:
-                found.append((own, *known.alike(view)))
+                before = own or frame.time_s > since_s + AGO_S
+                found.append((own, *known.alike(view), known.is_other(view, surely=False), before))
+            if not own:
+                met[one.name] = since_s, mean + 0.1 * (view.identity - mean)
             if own and (trust := ramp(known.likeness(view), UNSURE, SURE)) > 0.0:
                 known.learn(view, trust)
         observation, _, terminated, truncated, info = env.step(policy(observation, info))
@@ -53,12 +65,16 @@ def views(name: str, seed: int) -> list[tuple[bool, float, float]]:
 
 def main() -> None:
     """Share of the views of others above what keeps most of the target's own."""
-    rows = np.array([row for course in COURSES for seed in SEEDS for row in views(f"follow/{course}", seed)])
+    seeds = SEEDS[: int(sys.argv[1])] if sys.argv[1:] else SEEDS
+    rows = np.array([row for course in COURSES for seed in seeds for row in views(f"follow/{course}", seed)])
     own = rows[:, 0] > 0.0
     print(f"{int(own.sum())} views of targets, {int((~own).sum())} of others")  # noqa: T201
-    for name, likeness in (("identity", rows[:, 1]), ("colours", rows[:, 2]), ("both", rows[:, 1:].mean(axis=1))):
+    for name, likeness in (("identity", rows[:, 1]), ("colours", rows[:, 2]), ("both", rows[:, 1:3].mean(axis=1))):
         taken = (likeness[~own] >= np.quantile(likeness[own], 1.0 - KEPT)).mean()
         print(f"{name}: {100.0 * taken:.0f} % of others at {100 * KEPT:.0f} % of the own")  # noqa: T201
+    before = rows[:, 4] > 0.0
+    for name, which in (("others met before", ~own & before), ("the own", own)):
+        print(f"{100.0 * rows[which, 3].mean():.1f} % of {int(which.sum())} views of {name} are more like somebody met")  # noqa: T201
 
 
 if __name__ == "__main__":

@@ -11,10 +11,11 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Frame
 from pftrack_sim.scenario import load
 from pftrack_sim.simulation.simulation import Simulation
-from pftrack_sim.trackers.recognition.distractors import OCCLUDED, Association, Distractors
-from pftrack_sim.trackers.recognition.person import KnownPerson, PersonView, look
+from pftrack_sim.trackers.recognition.colour import ColourModel
+from pftrack_sim.trackers.recognition.distractors import MET, MISSED, OCCLUDED, Association, Distractors
+from pftrack_sim.trackers.recognition.person import UNLIKE, UNSURE, KnownPerson, PersonView, look
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
-from pftrack_sim.trackers.recognition.search import Place, Reach
+from pftrack_sim.trackers.recognition.search import Place, Reach, search
 from tests.trackers.following import follow
 
 SIZE = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 2}
@@ -125,6 +126,60 @@ def test_who_is_hidden_behind_the_target_is_not_looked_for(
     assert not looked
     tracks.associate(pyramid, boxes.centre(other) - target.centre, target, view, reach)
     assert [boxes.iou(one.box, other) > 0.7 for one in looked] == [True], "beside the target again"
+
+
+def with_target_at(frame: Frame, other: np.ndarray, *, exchanged: bool) -> ImagePyramid:
+    """The image with the target where another person was, who is gone or, exchanged with it, where the target was."""
+    image, places = frame.image.copy(), [one.round().astype(int) for one in (other, frame.truth.amodal_box)]
+    patches = [frame.image[y : y + height, x : x + width] for x, y, width, height in places]
+    for (x, y, width, height), patch in zip(places[: 1 + exchanged], reversed(patches), strict=False):
+        image[y : y + height, x : x + width] = cv2.resize(patch, (width, height), interpolation=cv2.INTER_AREA)
+    return ImagePyramid(image)
+
+
+def test_a_track_that_goes_over_to_the_target_does_not_hide_it(seen: tuple[Frame, np.ndarray, Distractors]):
+    frame, other, _ = seen
+    distractors, target, at = tracked(frame), frame.truth.amodal_box, place(other)
+    assert distractors.are_at(at)
+    image = with_target_at(frame, other, exchanged=False)
+    for _ in range(30):
+        distractors.update(place(target), sure=False)
+        seen_from(distractors, image, target)
+        assert not distractors.are_at(at)
+
+
+def test_a_box_and_a_track_that_were_exchanged_are_told_by_their_looks(seen: tuple[Frame, np.ndarray, Distractors]):
+    frame, other, _ = seen
+    distractors, target = tracked(frame), frame.truth.amodal_box
+    image = with_target_at(frame, other, exchanged=True)
+    first, second = (seen_from(distractors, image, target).place for _ in range(2))
+    assert boxes.iou(first.box, target) > 0.5, "one frame is no evidence"
+    assert boxes.iou(second.box, other) > 0.5
+    assert second.likeness >= UNSURE
+
+
+def test_who_was_beside_the_target_is_remembered_when_the_track_ends(seen: tuple[Frame, np.ndarray, Distractors]):
+    frame, other, _ = seen
+    pyramid, target, at = ImagePyramid(frame.image), frame.truth.amodal_box, place(other)
+    person = KnownPerson.found(pyramid, boxes.centre(target), target[2:])
+    assert person is not None
+    distractors = Distractors(person)
+    gone = frame.image.copy()
+    x, y, width, height = other.round().astype(int)
+    gone[y - 4 : y + height + 4, max(x - 4, 0) : x + width + 4] = gone.mean(axis=(0, 1))
+    view = person.describe(pyramid, at.centre, at.size)
+    own = person.describe(pyramid, boxes.centre(target), target[2:])
+    for image, frames in ((pyramid, 4 + MET), (ImagePyramid(gone), MISSED + 2)):
+        assert not person.is_other(view, surely=True)
+        for _ in range(frames):
+            seen_from(distractors, image, target)
+            distractors.update(place(target), sure=True)
+    assert person.is_other(view, surely=True)
+    assert person.likeness(view) <= UNLIKE
+    assert not person.is_other(own, surely=False)
+    looked = Reach(at.centre, at.size, 0)
+    assert not [one for one in search(frame.image, pyramid, person, ColourModel(), looked, 0)
+                if boxes.iou(one.box, other) > 0.5]  # fmt: skip
 
 
 def test_nobody_is_tracked_while_the_target_is_not_sure(seen: tuple[Frame, np.ndarray, Distractors]):

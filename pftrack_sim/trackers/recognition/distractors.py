@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.recognition.person import UNSURE, KnownPerson, PersonView, look_at_all
+from pftrack_sim.trackers.recognition.person import MORE_ALIKE, UNSURE, KnownPerson, PersonView, look_at_all
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import APART, LOOKS, Place, Reach, likeness_at, moved, person_at
 
@@ -46,6 +46,10 @@ OCCLUDED, DECAY_FRAMES = 0.4, 150
 """Confidence of a target that a distractor has just occluded, and the frames in which it falls to 1/e."""
 CLOSER = 0.9  # Factor per frame of an occluded target's offset across its occluder: were it large, it would be seen
 LEARNT = 0.1  # Weight of a new view in a track's identity
+EXCHANGED, TWICE = 0.08, 2
+"""By how much more alike two identities are in each other's places, for so many frames, if their tracks were exchanged.
+"""
+MET = 5  # Frames beside a sure target from which on a track's person is remembered when it ends
 
 
 class Association(NamedTuple):
@@ -74,6 +78,8 @@ class _Track:
     place: Place  # The prediction, until the frame's update
     identity: NDArray[np.float32]  # Unit vector
     missed: float = 0
+    apart: int = 0  # Frames in which it was seen beside a target that was sure: it is somebody else
+    exchanged: int = 0  # Frames in a row in which it looks like the target, and who is in the target's box like it
     velocity: FloatArray = field(default_factory=lambda: np.zeros(2))  # Relative to the camera's motion [px per frame]
     detection: _Detection | None = None
 
@@ -95,6 +101,19 @@ class _Track:
     def is_more_alike(self, detection: _Detection, other: _Track) -> bool:
         """Whether a detection looks more like this track than like another."""
         return float(detection.identity @ self.identity) > float(detection.identity @ other.identity)
+
+    def learn(self, detection: _Detection) -> None:
+        """Learn a view of somebody who is not the target, which is sure elsewhere."""
+        self.apart += 1
+        mean = self.identity + np.float32(LEARNT) * (detection.identity - self.identity)
+        self.identity = np.asarray(mean / np.linalg.norm(mean), dtype=np.float32)
+
+    def is_other(self, target: NDArray[np.float32]) -> bool:
+        """Whether its detection is somebody else than the target with this identity, to which its track may go over."""
+        if self.detection is None or not self.apart:
+            return False
+        view = self.detection.identity
+        return float(view @ target) <= float(view @ self.identity) + MORE_ALIKE[False]
 
     def motion(self, detection: _Detection) -> float:
         """d^2 of position and height alone, one frame after the last detection."""
@@ -146,6 +165,9 @@ class Distractors:
         off = self._target.off(view)
         in_box = _Detection(place if off is None else moved(place, off), view.identity)
         seen = [(track, track.detection.place) for track in self._tracks if track.detection]
+        for track in self._tracks:
+            exchanged = off is not None and _exchanged(expected, in_box, track)
+            track.exchanged = track.exchanged + 1 if exchanged else 0
         in_gate = off is not None and expected.motion(in_box) < TARGET_GATE
         in_gate = in_gate and not any(
             track.is_more_alike(in_box, expected) and _overlap(at, in_box.place, MEETS) for track, at in seen
@@ -155,6 +177,10 @@ class Distractors:
 
     def _place(self, place: Place, in_box: _Detection, target: _Track) -> Place:
         """`Association.place`, and new tracks of people who are too far from the occluded target to be it."""
+        for track in self._tracks:
+            if track.exchanged >= TWICE and (own := track.detection):
+                track.detection, track.exchanged = in_box, 0
+                return self._compared(own.place)
         occluder, detections = self._assigned(in_box, target)
         if occluder is None:
             return place
@@ -165,16 +191,20 @@ class Distractors:
                 near.append(one)
             elif one.place.size[1] > tall:  # a distractor that was not tracked yet
                 self._tracks.append(_Track(*one, detection=one))
-        alike = [
-            one.place._replace(likeness=likeness_at(self._target, self._pyramid, one.place.centre, one.place.size)[1])
-            for one in near
-        ]
+        alike = [self._compared(one.place) for one in near]
         best = max(alike, key=lambda one: one.likeness, default=None)
         return best if best and best.likeness >= UNSURE else occluder.occluded_by_it(target.place)
 
+    def _compared(self, place: Place) -> Place:
+        """A place with its likeness to the target."""
+        return place._replace(likeness=likeness_at(self._target, self._pyramid, place.centre, place.size)[1])
+
     def are_at(self, place: Place) -> bool:
-        """Whether one of them was detected at a place."""
-        return any(one.detection and _overlap(one.detection.place, place, SAME) for one in self._tracks)
+        """Whether one of them was detected at a place, and is not the target that its track has gone over to."""
+        return any(
+            one.detection and _overlap(one.detection.place, place, SAME) and one.is_other(self._target.identity)
+            for one in self._tracks
+        )
 
     def update(self, target: Place, *, sure: bool) -> None:
         """Update the tracks with their detections, and begin new ones beside a target that is surely at a place."""
@@ -186,22 +216,25 @@ class Distractors:
                     track.detection.place.centre - track.place.centre
                 )
                 track.place = track.detection.place
-                mean = track.identity + np.float32(LEARNT) * (track.detection.identity - track.identity)
-                track.identity = np.asarray(mean / np.linalg.norm(mean), dtype=np.float32)
+                if sure:
+                    track.learn(track.detection)
             near = math.dist(track.place.centre, target.centre) < FAR * float(target.size[1])
             if near and track.missed <= MISSED and not any(_overlap(track.place, one.place, SAME) for one in kept):
                 kept.append(track)
-        self._tracks = kept
+        former, self._tracks = self._tracks, kept
         self._frame += 1
         if sure and self._frame % EVERY == 0:
             for detection in [*self._beside(target), *self._beside(target, NEARER)]:
                 others = [target, *(one.place for one in self._tracks)]
                 apart = not any(_overlap(detection.place, other, OTHER) for other in others)
                 if apart and detection.place.size[1] > LEAST_HEIGHT * target.size[1]:
-                    self._tracks.append(_Track(*detection))
+                    self._tracks.append(_Track(*detection, apart=1))
         # The nearest to the camera, who can occlude the target, are the tallest in the image.
         self._tracks.sort(key=lambda one: -float(one.place.size[1]) / (1.0 + WIDENING * one.missed))
         del self._tracks[MOST:]
+        for track in former:
+            if track.apart >= MET and not any(track is one for one in self._tracks):
+                self._target.meet(track.identity)
 
     def _assigned(self, in_box: _Detection, target: _Track) -> tuple[_Track | None, list[_Detection]]:
         """The distractor in the target's box, or None; and the detections that can be the target then."""
@@ -260,6 +293,14 @@ def occluded_confidence(frames: int) -> float:
 def _swapped(one: _Track, detection: _Detection, other: _Track, other_detection: _Detection) -> bool:
     """Whether two tracks fit each other's detections better than their own."""
     return one.cost(other_detection) + other.cost(detection) < one.cost(detection) + other.cost(other_detection)
+
+
+def _exchanged(target: _Track, in_box: _Detection, other: _Track) -> bool:
+    """Whether another track has gone over to the target and the box to who was tracked, by their identities."""
+    if other.detection is None or not other.apart or _overlap(other.detection.place, in_box.place, SAME):
+        return False
+    gain = (other.detection.identity - in_box.identity) @ (target.identity - other.identity)
+    return float(gain) > EXCHANGED
 
 
 def _hidden(one: Place, target: Place) -> bool:

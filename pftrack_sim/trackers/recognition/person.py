@@ -49,6 +49,10 @@ RECENT, CONTINUOUS = 0.07, 0.93
 the same person."""
 FADE = 0.0012  # Most that the likeness of a person who is followed without a break falls in a frame
 CLOSE_UP = 0.85  # Height of a box, as a share of the image's, from which on another person hardly fits in between
+OTHERS, NEW, MORE_ALIKE = 32, 0.96, (0.02, 0.05)
+"""Most people besides the target who are remembered; the product with its identity from which on one of them is rather
+the target; and by how much more a view is like one of them than like the target if it is probably, or surely, of them.
+"""
 COVERED = 0.79
 """Likeness of a person of whom nothing is seen, from which it grows with the visible share."""
 
@@ -107,6 +111,7 @@ class KnownPerson:
         self._mean, self._parts = first.identity.copy(), PartColours(first.parts)
         self._usual, self._count = FIRST_LIKENESS, 1
         self._recent, self._carried = first.identity.copy(), SURE
+        self._others = np.empty((0, len(first.identity)), np.float32)
 
     @classmethod
     def found(cls, pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> KnownPerson | None:
@@ -126,8 +131,20 @@ class KnownPerson:
         """`(32,)` mean of the person's identity, a unit vector."""
         return np.asarray(self._mean / np.linalg.norm(self._mean), dtype=np.float32)
 
+    def meet(self, identity: NDArray[np.float32]) -> None:
+        """Remember the `(32,)` identity of somebody else, who may be taken for the person later."""
+        if float(identity @ self.identity) < NEW:
+            self._others = np.concatenate([self._others, identity[None]])[-OTHERS:]
+
+    def is_other(self, found: PersonView, *, surely: bool) -> bool:
+        """Whether a view is more like somebody else who was met than like the person."""
+        margin = MORE_ALIKE[surely]
+        return float((self._others @ found.identity).max(initial=-1.0)) > float(found.identity @ self.identity) + margin
+
     def likeness(self, found: PersonView) -> float:
-        """Likeness with the person, on the scale of `PartColours.likeness`."""
+        """Likeness with the person, on the scale of `PartColours.likeness`; at most `UNLIKE` of who is another."""
+        if self.is_other(found, surely=True):
+            return UNLIKE
         identity, colours = self.alike(found)
         seen = found.visible / self._first.visible
         return min(1.0 - STRETCH * (1.0 - 0.5 * (identity + colours)), COVERED + 1.25 * (1.0 - COVERED) * seen)

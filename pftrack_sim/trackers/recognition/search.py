@@ -183,7 +183,9 @@ def _people(image: Image, pyramid: ImagePyramid, known: KnownPerson, reach: Reac
         if len(places) < PEOPLE and all(math.dist(place.centre, one.centre) > apart for one in places):
             place, _ = person_at(known, pyramid, place) or (place, None)
             if reach.holds(place):
-                places.append(place._replace(likeness=likeness_at(known, pyramid, place.centre, place.size)[1]))
+                seen, likeness = likeness_at(known, pyramid, place.centre, place.size)
+                if not known.is_other(seen, surely=False):
+                    places.append(place._replace(likeness=likeness))
     return places
 
 
