@@ -7,10 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
+from pftrack_sim import trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Frame
 from pftrack_sim.scenario import load
 from pftrack_sim.simulation.simulation import Simulation
+from pftrack_sim.trackers.pftrack.tracker import Match, Pftrack
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.distractors import MET, MISSED, OCCLUDED, Association, Distractors
 from pftrack_sim.trackers.recognition.person import UNLIKE, UNSURE, KnownPerson, PersonView, look
@@ -224,6 +226,26 @@ def first_in_full_view(seed: int) -> Frame:
         frame = simulation.advance()
     simulation.close()
     return frame
+
+
+def test_a_person_in_view_is_not_left_for_what_the_filter_finds_elsewhere(monkeypatch: pytest.MonkeyPatch):
+    """As it does in somebody who passes near the camera."""
+    frame = first_in_full_view(3)
+    box, image = frame.truth.amodal_box, frame.image
+    tracker = trackers.make("pftrack", seed=0)
+    tracker.init(image, box)
+    for _ in range(4):
+        tracker.update(image)
+    found = Pftrack._search
+
+    def elsewhere(self: Pftrack, *given: object) -> Match:
+        return found(self, *given)._replace(centre=np.array([0.0, 120.0]))
+
+    monkeypatch.setattr(Pftrack, "_search", elsewhere)
+    for _ in range(10):
+        estimate = tracker.update(image)
+        assert boxes.iou(estimate.box, box) > 0.5
+        assert estimate.confidence > 0.5
 
 
 def test_whoever_walks_into_shade_is_followed_without_a_break_and_learnt():

@@ -36,6 +36,7 @@ from pftrack_sim.trackers.recognition.search import (
     Place,
     Reach,
     likeness_at,
+    person_at,
     ramp,
     search,
 )
@@ -204,6 +205,8 @@ class Pftrack(BaseTracker):
         pyramid = ImagePyramid(image)
         shift = self._camera_shift(image)
         seen = self._place(pyramid, self._search(pyramid, image, shift))
+        if seen.likeness < p.unsure_likeness:
+            seen = self._where_predicted(pyramid, image, shift) or seen
         if self._usual is None:
             self._usual = np.array([seen.match.score, seen.match.peak])
         step = self._associate(pyramid, image, shift, seen)
@@ -332,6 +335,13 @@ class Pftrack(BaseTracker):
     def _place(self, pyramid: ImagePyramid, match: Match) -> Seen:
         looks, likeness = likeness_at(self._looks, pyramid, match.centre, match.scale * self._size)
         return Seen(match, looks, likeness)
+
+    def _where_predicted(self, pyramid: ImagePyramid, image: Image, shift: FloatArray) -> Seen | None:
+        """The person where the camera's motion takes them, if they are there: the filter has left them for another."""
+        place = Place(0.0, self._scale * self._size, _inside(self._centre + shift, image))
+        found = None if self._person is None else person_at(self._person, pyramid, place, looks=1)
+        seen = None if found is None else self._seen_at(pyramid, image, found[0])
+        return None if seen is None or seen.likeness < self.params.unsure_likeness else seen
 
     def _seen_at(self, pyramid: ImagePyramid, image: Image, at: Place) -> Seen:
         """The target at a place where it was seen."""
