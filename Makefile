@@ -10,7 +10,7 @@ SCORERS := trackeval==1.3.0 vot-toolkit==0.9.0
 
 WITHOUT_GL := PYTHONPATH=tests/without_opengl
 # Modules are compiled when they are first imported (most of the libraries never are), and then kept, also where the
-# environment says not to: every process would compile them for two seconds.
+# environment says not to: every process would compile them for more than a second.
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
 
@@ -77,7 +77,7 @@ bare: $(VENV)/.test
 	$(WITHOUT_GL) $(BIN)/pftrack-sim bench corridor --seeds 0:1 --trackers stay --set duration_s=0.5 --out build/bare
 
 # Linear algebra on a thread for each core waits for its threads where every core is busy: up to ten times as long.
-test test-slow: export OPENBLAS_NUM_THREADS := 1
+test test-slow fuzz: export OPENBLAS_NUM_THREADS := 1
 
 test: $(VENV)/.test
 	$(BIN)/python -m pytest -n 2 --dist worksteal -q -m "not slow"

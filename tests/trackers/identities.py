@@ -1,23 +1,21 @@
 """How well identity, colours, both and the people met tell a target from others; prints the numbers of docs/pftrack.md.
 
-python tests/trackers/identities.py [SEEDS]
+python tests/trackers/identities.py
 """
 
 from __future__ import annotations
-
-import sys
 
 import numpy as np
 
 from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.core import boxes
 from pftrack_sim.env import TrackAndFollowEnv
-from pftrack_sim.trackers.recognition.person import SURE, UNSURE, KnownPerson
+from pftrack_sim.trackers.recognition.person import PROBABLY, SURE, UNSURE, KnownPerson
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import ramp
 
 COURSES, SEEDS = ("corridor", "plaza", "street", "warehouse"), range(30, 46)
-AGO_S = 2.0  # Somebody else is known to have been met who was first seen so long ago
+AGO_S = 2.0  # People who were first seen so long ago have been met before
 EVERY, FROM_S, KEPT = 4, 5.0, 0.95  # Frames, start of what counts, and share of the target's views that are kept
 SIZE = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 15}
 
@@ -52,7 +50,7 @@ def views(name: str, seed: int) -> list[tuple[bool, float, float, bool, bool]]:
             known._others = np.array([other / np.linalg.norm(other) for _, other in met.values()]).reshape(-1, 32)
             if frame.time_s > FROM_S:
                 before = own or frame.time_s > since_s + AGO_S
-                found.append((own, *known.alike(view), known.is_other(view, surely=False), before))
+                found.append((own, *known.alike(view), known.is_other(view, PROBABLY), before))
             if not own:
                 met[one.name] = since_s, mean + 0.1 * (view.identity - mean)
             if own and (trust := ramp(known.likeness(view), UNSURE, SURE)) > 0.0:
@@ -65,8 +63,7 @@ def views(name: str, seed: int) -> list[tuple[bool, float, float, bool, bool]]:
 
 def main() -> None:
     """Share of the views of others above what keeps most of the target's own."""
-    seeds = SEEDS[: int(sys.argv[1])] if sys.argv[1:] else SEEDS
-    rows = np.array([row for course in COURSES for seed in seeds for row in views(f"follow/{course}", seed)])
+    rows = np.array([row for course in COURSES for seed in SEEDS for row in views(f"follow/{course}", seed)])
     own = rows[:, 0] > 0.0
     print(f"{int(own.sum())} views of targets, {int((~own).sum())} of others")  # noqa: T201
     for name, likeness in (("identity", rows[:, 1]), ("colours", rows[:, 2]), ("both", rows[:, 1:3].mean(axis=1))):

@@ -15,7 +15,7 @@ from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.pftrack.tracker import Match, Pftrack
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.distractors import MET, MISSED, OCCLUDED, Association, Distractors
-from pftrack_sim.trackers.recognition.person import UNLIKE, UNSURE, KnownPerson, PersonView, look
+from pftrack_sim.trackers.recognition.person import PROBABLY, SURELY, UNLIKE, UNSURE, KnownPerson, PersonView, look
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import Place, Reach, search
 from tests.trackers.following import follow
@@ -172,16 +172,17 @@ def test_who_was_beside_the_target_is_remembered_when_the_track_ends(seen: tuple
     view = person.describe(pyramid, at.centre, at.size)
     own = person.describe(pyramid, boxes.centre(target), target[2:])
     for image, frames in ((pyramid, 4 + MET), (ImagePyramid(gone), MISSED + 2)):
-        assert not person.is_other(view, surely=True)
+        assert not person.is_other(view, SURELY)
         for _ in range(frames):
             seen_from(distractors, image, target)
             distractors.update(place(target), sure=True)
-    assert person.is_other(view, surely=True)
+    assert person.is_other(view, SURELY)
     assert person.likeness(view) <= UNLIKE
-    assert not person.is_other(own, surely=False)
-    looked = Reach(at.centre, at.size, 0)
-    assert not [one for one in search(frame.image, pyramid, person, ColourModel(), looked, 0)
-                if boxes.iou(one.box, other) > 0.5]  # fmt: skip
+    assert view.parts is not None
+    assert person.likeness(view._replace(parts=np.zeros_like(view.parts))) < UNLIKE
+    assert not person.is_other(own, PROBABLY)
+    places = search(frame.image, pyramid, person, ColourModel(), Reach(at.centre, at.size, 0), 0)
+    assert not any(boxes.iou(one.box, other) > 0.5 for one in places)
 
 
 def test_nobody_is_tracked_while_the_target_is_not_sure(seen: tuple[Frame, np.ndarray, Distractors]):

@@ -136,7 +136,7 @@ class PlaceBuilder:
         elevation_deg = max(lights.sun_elevation_deg, _LEAST_WINDOW_SUN_DEG)
         above = sun_direction(lights.model_copy(update={"sun_elevation_deg": elevation_deg}))
         roof = roof_with_windows(self.bounds, lights.patches, lights.patch_m, height, self.patch_rng)
-        if lights.shadows:
+        if lights.shadows:  # It is drawn at random in any case: lamps draw from the same stream after it
             self.add(Item("windowed-roof", (roof,)))
         self._add_light("lamp-above", _DISTANT, above, sun, casts_shadow=lights.shadows)
 

@@ -206,6 +206,7 @@ class Pftrack(BaseTracker):
         shift = self._camera_shift(image)
         seen = self._place(pyramid, self._search(pyramid, image, shift))
         if seen.likeness < p.unsure_likeness:
+            # The filter may have left a person in full view for somebody near the camera.
             seen = self._where_predicted(pyramid, image, shift) or seen
         if self._usual is None:
             self._usual = np.array([seen.match.score, seen.match.peak])
@@ -337,7 +338,7 @@ class Pftrack(BaseTracker):
         return Seen(match, looks, likeness)
 
     def _where_predicted(self, pyramid: ImagePyramid, image: Image, shift: FloatArray) -> Seen | None:
-        """The person where the camera's motion takes them, if they are there: the filter has left them for another."""
+        """The target where the camera's motion alone would take it, if a person like it is there."""
         place = Place(0.0, self._scale * self._size, _inside(self._centre + shift, image))
         found = None if self._person is None else person_at(self._person, pyramid, place, looks=1)
         seen = None if found is None else self._seen_at(pyramid, image, found[0])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.recognition.person import MORE_ALIKE, UNSURE, KnownPerson, PersonView, look_at_all
+from pftrack_sim.trackers.recognition.person import PROBABLY, UNSURE, KnownPerson, PersonView, look_at_all
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import APART, LOOKS, Place, Reach, likeness_at, moved, person_at
 
@@ -47,8 +47,7 @@ OCCLUDED, DECAY_FRAMES = 0.4, 150
 CLOSER = 0.9  # Factor per frame of an occluded target's offset across its occluder: were it large, it would be seen
 LEARNT = 0.1  # Weight of a new view in a track's identity
 EXCHANGED, TWICE = 0.08, 2
-"""By how much more alike two identities are in each other's places, for so many frames, if their tracks were exchanged.
-"""
+"""A box and a track were exchanged if both are more like each other's identity, together by this, in so many frames."""
 MET = 5  # Frames beside a sure target from which on a track's person is remembered when it ends
 
 
@@ -79,7 +78,7 @@ class _Track:
     identity: NDArray[np.float32]  # Unit vector
     missed: float = 0
     apart: int = 0  # Frames in which it was seen beside a target that was sure: it is somebody else
-    exchanged: int = 0  # Frames in a row in which it looks like the target, and who is in the target's box like it
+    exchanged: int = 0  # Frames in a row in which it looks like the target, and the person in the box like its own
     velocity: FloatArray = field(default_factory=lambda: np.zeros(2))  # Relative to the camera's motion [px per frame]
     detection: _Detection | None = None
 
@@ -109,11 +108,11 @@ class _Track:
         self.identity = np.asarray(mean / np.linalg.norm(mean), dtype=np.float32)
 
     def is_other(self, target: NDArray[np.float32]) -> bool:
-        """Whether its detection is somebody else than the target with this identity, to which its track may go over."""
+        """Whether its detection is not the target, whose identity is given: the track may have gone over to it."""
         if self.detection is None or not self.apart:
             return False
         view = self.detection.identity
-        return float(view @ target) <= float(view @ self.identity) + MORE_ALIKE[False]
+        return float(view @ target) <= float(view @ self.identity) + PROBABLY
 
     def motion(self, detection: _Detection) -> float:
         """d^2 of position and height alone, one frame after the last detection."""
@@ -296,7 +295,7 @@ def _swapped(one: _Track, detection: _Detection, other: _Track, other_detection:
 
 
 def _exchanged(target: _Track, in_box: _Detection, other: _Track) -> bool:
-    """Whether another track has gone over to the target and the box to who was tracked, by their identities."""
+    """Whether another track has gone over to the target, and the box to that track's person, by their identities."""
     if other.detection is None or not other.apart or _overlap(other.detection.place, in_box.place, SAME):
         return False
     gain = (other.detection.identity - in_box.identity) @ (target.identity - other.identity)

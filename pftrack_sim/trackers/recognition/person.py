@@ -49,10 +49,11 @@ RECENT, CONTINUOUS = 0.07, 0.93
 the same person."""
 FADE = 0.0012  # Most that the likeness of a person who is followed without a break falls in a frame
 CLOSE_UP = 0.85  # Height of a box, as a share of the image's, from which on another person hardly fits in between
-OTHERS, NEW, MORE_ALIKE = 32, 0.96, (0.02, 0.05)
-"""Most people besides the target who are remembered; the product with its identity from which on one of them is rather
-the target; and by how much more a view is like one of them than like the target if it is probably, or surely, of them.
-"""
+OTHERS, NEW = 32, 0.96
+"""Most people besides the target who are remembered, and the product with its identity from which on one of them is
+rather the target."""
+PROBABLY, SURELY = 0.02, 0.05
+"""By how much a view is more like somebody else than like the target if it is probably, or surely, of somebody else."""
 COVERED = 0.79
 """Likeness of a person of whom nothing is seen, from which it grows with the visible share."""
 
@@ -136,18 +137,18 @@ class KnownPerson:
         if float(identity @ self.identity) < NEW:
             self._others = np.concatenate([self._others, identity[None]])[-OTHERS:]
 
-    def is_other(self, found: PersonView, *, surely: bool) -> bool:
-        """Whether a view is more like somebody else who was met than like the person."""
-        margin = MORE_ALIKE[surely]
+    def is_other(self, found: PersonView, margin: float) -> bool:
+        """Whether a view is more like somebody else who was met than like the person, by a margin."""
         return float((self._others @ found.identity).max(initial=-1.0)) > float(found.identity @ self.identity) + margin
 
     def likeness(self, found: PersonView) -> float:
-        """Likeness with the person, on the scale of `PartColours.likeness`; at most `UNLIKE` of who is another."""
-        if self.is_other(found, surely=True):
-            return UNLIKE
+        """Likeness with the person, on the scale of `PartColours.likeness`; of others who were met at most `UNLIKE`."""
         identity, colours = self.alike(found)
         seen = found.visible / self._first.visible
-        return min(1.0 - STRETCH * (1.0 - 0.5 * (identity + colours)), COVERED + 1.25 * (1.0 - COVERED) * seen)
+        most = COVERED + 1.25 * (1.0 - COVERED) * seen
+        if self.is_other(found, SURELY):
+            most = min(most, UNLIKE)
+        return min(1.0 - STRETCH * (1.0 - 0.5 * (identity + colours)), most)
 
     def follow(self, found: PersonView, likeness: float, *, close_up: bool = False) -> float:
         """The likeness of the followed box in the next frame; `likeness` is that of its view with the long-term means.

@@ -13,7 +13,7 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.parts import PartColours
-from pftrack_sim.trackers.recognition.person import SURE, UNSURE, KnownPerson, PersonView, look, look_at_all
+from pftrack_sim.trackers.recognition.person import PROBABLY, SURE, UNSURE, KnownPerson, PersonView, look, look_at_all
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 Looks = KnownPerson | PartColours
@@ -184,7 +184,7 @@ def _people(image: Image, pyramid: ImagePyramid, known: KnownPerson, reach: Reac
             place, _ = person_at(known, pyramid, place) or (place, None)
             if reach.holds(place):
                 seen, likeness = likeness_at(known, pyramid, place.centre, place.size)
-                if not known.is_other(seen, surely=False):
+                if not known.is_other(seen, PROBABLY):
                     places.append(place._replace(likeness=likeness))
     return places
 
