@@ -299,15 +299,7 @@ def test_a_person_twice_as_tall_is_tracked(right: float):
     frame = first_in_full_view(8)
     box = frame.truth.amodal_box
     image, twin = with_twin(frame.image, box, 1.9, right)
-    pyramid = ImagePyramid(image)
-    person = KnownPerson.found(pyramid, boxes.centre(box), box[2:])
-    assert person is not None
-    distractors = Distractors(person)
-    for _ in range(4):
-        seen_from(distractors, pyramid, box)
-        distractors.update(place(box), sure=True)
-    seen_from(distractors, pyramid, box)
-    assert distractors.are_at(place(np.array(twin)))
+    assert tracked(replace(frame, image=image)).are_at(place(np.array(twin)))
 
 
 @pytest.mark.parametrize(("height", "kept"), [(1.2, True), (1.0, False)])
