@@ -196,6 +196,10 @@ def test_two_parameterisations_of_a_tracker_have_latencies_of_their_own():
     assert resolve_latencies(given, (few, many), scenario) == {few.base_label: 7.0, many.base_label: 40.0}
 
 
+def test_a_tracker_that_follows_detections_is_measured_with_those_of_the_scenario():
+    assert measure_ms(TrackerSpec(name="chau2011"), load("corridor", {**SMALL, "duration_s": 0.5})) > 0.0
+
+
 def test_a_third_party_tracker_is_measured_in_a_process_of_its_own():
     """It leaves the process with `os._exit`: in this process nothing would be left to report."""
     scenario = load("corridor", {**SMALL, "duration_s": 0.5})

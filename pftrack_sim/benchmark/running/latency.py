@@ -11,7 +11,7 @@ import numpy as np
 from pftrack_sim.benchmark.asked.from_names import match_trackers
 from pftrack_sim.benchmark.asked.plan import TrackerSpec
 from pftrack_sim.benchmark.kept.folder import RunFolder, is_run
-from pftrack_sim.benchmark.running.rollout import rollout, simulated
+from pftrack_sim.benchmark.running.rollout import detected, rollout, simulated
 from pftrack_sim.benchmark.running.tracker_runner import Isolation, make_runners
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.scenario import Scenario
@@ -68,8 +68,9 @@ def measure_ms(
     (runner,) = make_runners([tracker], seed=0, isolation=isolation, limits=limits)
     try:
         with Simulation(scenario) as simulation:
-            until_s = (FRAMES - 1) / scenario.resolve(0).camera.rate_hz
-            rollout(simulated(simulation, 0, until_s=until_s), [runner])
+            settings = scenario.resolve(0)
+            frames = simulated(simulation, 0, until_s=(FRAMES - 1) / settings.camera.rate_hz)
+            rollout(detected(frames, settings, 0), [runner])
     finally:
         runner.close()
     times = [ms for ms, status in zip(runner.ms, runner.statuses, strict=True) if status == "ok"]
