@@ -14,6 +14,7 @@ from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import CommandError, ParameterError
 from pftrack_sim.core.proprioception import proprio_high
 from pftrack_sim.core.records import Estimate, Frame, Image
+from pftrack_sim.core.text import one_line
 from pftrack_sim.env.window import Window
 from pftrack_sim.render.overlay import draw_frame
 from pftrack_sim.scenario import ScenarioLike
@@ -121,9 +122,9 @@ class CameraEnv(gym.Env[Observation, Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode of a root seed; None draws one from the environment's own generator. It has no options."""
-        super().reset(seed=seed)
         if options:
-            raise ParameterError(f"reset takes no options, got {sorted(options)}")
+            raise ParameterError(f"reset takes no options, got {one_line(repr(options), 60)}")
+        super().reset(seed=seed)
         self.episode_seed = seed if seed is not None else int(self.np_random.integers(2**31))
         self._frame = self.simulation.reset(self.episode_seed)
         settings = self.simulation.settings

@@ -175,6 +175,15 @@ def test_invalid_boxes_are_errors(env: gym.Env[Any, Any], action: object, words:
         env.unwrapped.step(action)
 
 
+@pytest.mark.parametrize("options", [{"seed": 3}, 3, "fast"])
+def test_options_of_a_reset_are_errors_that_draw_no_seed(env: gym.Env[Any, Any], options: Any):
+    env.reset(seed=5)
+    before = env.unwrapped.np_random.bit_generator.state
+    with pytest.raises(ParameterError, match=f"reset takes no options, got {options!r}"):
+        env.reset(seed=6, options=options)
+    assert env.unwrapped.np_random.bit_generator.state == before
+
+
 def test_invalid_commands_are_errors_and_large_ones_clipped():
     env = make(IDS[1])
     env.reset(seed=1)
