@@ -21,6 +21,7 @@ from pftrack_sim.benchmark.reference.submission import (
     problems,
     read_submission,
     reference_folder,
+    references,
     rows_of,
     write_submission,
 )
@@ -291,6 +292,16 @@ def test_without_references_the_numbers_stand_alone(
     assert f"{suite}: no reference results to compare with" in list(standing_remarks(found, "runs/x"))
     tables.print_standing(stores[0])
     assert "(here)" not in capsys.readouterr().out
+
+
+def test_the_shipped_references_are_whole_and_their_board_is_on_the_page(tmp_path: Path):
+    found = references("standard-1")
+    assert {one.label for one in found} >= {"oracle-visible", "pftrack", "stay"}
+    assert [problem for one in found for problem in problems(one)] == []
+    page = Path(shutil.copy(Path(__file__).parents[2] / "docs/standard.md", tmp_path))
+    written = page.read_text(encoding="utf-8")
+    update_document(page, tmp_path)
+    assert page.read_text(encoding="utf-8") == written, "pftrack-sim tables docs/standard.md"
 
 
 def test_on_other_seeds_the_numbers_stand_alone(suite: str, made: dict[str, Submission], shipped: Path, tmp_path: Path):
