@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 from typing import NamedTuple
 
 import cv2
@@ -321,6 +322,8 @@ def main() -> None:
     parser.add_argument("--out", default="person.onnx")
     given = parser.parse_args()
     first, end = (int(part) for part in given.seeds.split(":"))
+    if given.identities_of and not Path(given.identities_of).is_file():
+        parser.error(f"no such file: {given.identities_of}")
     known = read(given.identities_of) if given.identities_of else None
     network = train(draw(range(first, end)), given.steps, known)
     sample = torch.zeros(1, 3, ROWS, COLUMNS)

@@ -62,13 +62,13 @@ def seen_from(
     return distractors.associate(pyramid, STILL, at, view, Reach(reach.centre, reach.size, 0))
 
 
-def tracked(frame: Frame, *, sure: bool = True, frames: int = 4) -> Distractors:
-    """Those who are tracked after the same frame has been seen so often."""
+def tracked(frame: Frame, *, sure: bool = True) -> Distractors:
+    """Those who are tracked after the same frame has been seen four times."""
     pyramid, target = ImagePyramid(frame.image), frame.truth.amodal_box
     person = KnownPerson.found(pyramid, boxes.centre(target), target[2:])
     assert person is not None
     distractors = Distractors(person)
-    for _ in range(frames):
+    for _ in range(4):
         seen_from(distractors, pyramid, target)
         distractors.update(place(target), sure=sure)
     seen_from(distractors, pyramid, target)
@@ -299,8 +299,7 @@ def test_a_person_twice_as_tall_is_tracked(right: float):
     frame = first_in_full_view(8)
     box = frame.truth.amodal_box
     image, twin = with_twin(frame.image, box, 1.9, right)
-    # A copy of the target is told from it by what the track has learnt of the copy.
-    assert tracked(replace(frame, image=image), frames=12).are_at(place(np.array(twin)))
+    assert tracked(replace(frame, image=image)).are_at(place(np.array(twin)))
 
 
 @pytest.mark.parametrize(("height", "kept"), [(1.2, True), (1.0, False)])

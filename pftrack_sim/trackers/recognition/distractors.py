@@ -107,12 +107,15 @@ class _Track:
         mean = self.identity + np.float32(LEARNT) * (detection.identity - self.identity)
         self.identity = np.asarray(mean / np.linalg.norm(mean), dtype=np.float32)
 
-    def is_other(self, target: NDArray[np.float32]) -> bool:
-        """Whether its detection is not the target, whose identity is given: the track may have gone over to it."""
+    def is_other(self, target: NDArray[np.float32], *, sure: bool) -> bool:
+        """Whether its detection is not the target, whose identity is given.
+
+        The track may have gone over to a target that looks alike, but not if that was `sure` elsewhere a frame before.
+        """
         if self.detection is None or not self.apart:
             return False
         view = self.detection.identity
-        return float(view @ target) <= float(view @ self.identity) + PROBABLY
+        return sure or float(view @ target) <= float(view @ self.identity) + PROBABLY
 
     def motion(self, detection: _Detection) -> float:
         """d^2 of position and height alone, one frame after the last detection."""
@@ -141,7 +144,7 @@ class Distractors:
     def __init__(self, target: KnownPerson) -> None:
         self._target = target
         self._tracks: list[_Track] = []
-        self._frame = 0
+        self._frame, self._sure = 0, False
 
     def associate(
         self, pyramid: ImagePyramid, shift: FloatArray, place: Place, view: PersonView, target: Reach
@@ -201,12 +204,15 @@ class Distractors:
     def are_at(self, place: Place) -> bool:
         """Whether one of them was detected at a place, and is not the target that its track has gone over to."""
         return any(
-            one.detection and _overlap(one.detection.place, place, SAME) and one.is_other(self._target.identity)
+            one.detection
+            and _overlap(one.detection.place, place, SAME)
+            and one.is_other(self._target.identity, sure=self._sure)
             for one in self._tracks
         )
 
     def update(self, target: Place, *, sure: bool) -> None:
         """Update the tracks with their detections, and begin new ones beside a target that is surely at a place."""
+        self._sure = sure
         kept: list[_Track] = []
         for track in self._tracks:
             track.missed = track.missed + 1 if track.detection is None else 0
