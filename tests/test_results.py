@@ -94,6 +94,32 @@ def test_a_part_that_other_code_made_stays_where_it_is_the_same_to_the_bit(
 
 
 @pytest.mark.slow
+def test_a_part_is_not_confirmed_before_each_of_its_trackers_was_played_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    page = tmp_path / "docs" / "page.md"
+    page.parent.mkdir()
+    page.write_text(
+        f"    pftrack-sim follow corridor --trackers oracle,stay --seeds 0:4 {SMALL} --videos none --out runs/tiny\n\n"
+        "<!-- tables of tiny -->\n<!-- end -->\n"
+    )
+    (part,) = parts([page])
+    kept = tmp_path / "kept"
+    assert make(part, tmp_path, kept)
+    file, told = kept / "tiny.parquet", about("tiny", kept)
+    assert told is not None
+    assert [one["name"] for one in told["trackers"]] == ["oracle", "stay"]
+    with duckdb.connect() as database:
+        changed = "SELECT * REPLACE (if(label LIKE 'stay%', 0.5, mean_overlap) AS mean_overlap)"
+        results.keep(file, database, f"{changed} FROM '{file}'", told)
+    monkeypatch.setattr(results, "LEAST", 1)  # one drive of eight, so one of the two trackers, at a time
+    assert not confirm(part, tmp_path, kept)
+    said = capsys.readouterr().out
+    assert "another result now: " in said
+    assert all(" stay" in line for line in said.splitlines() if "another result now" in line)
+
+
+@pytest.mark.slow
 def test_a_search_is_a_part_whose_first_episodes_on_an_axis_are_played_again(tmp_path: Path):
     page = tmp_path / "docs" / "page.md"
     page.parent.mkdir()

@@ -3,17 +3,17 @@
 A part is a block of tables with its command, of `bench`, `follow` or `limit`, on the same page. A finished one is kept
 in `docs/site/results/NAME.parquet`, to be committed: scores and digests of every episode, the command, the code that
 made it, and how long its last command took. It is made again where the command is another now. Where only the code is,
-a random twentieth of its episodes is played again first (of `limit` the first of a random axis): if all are the same to
-the bit, it stays as it is, with the code of now beside that which made it. Frames and videos stay in `runs/NAME`, from
-which an interrupted part goes on.
+a random twentieth of its episodes is played again first, some of each tracker (of `limit` the first of a random axis):
+if all are the same to the bit, it stays as it is, with the code of now beside that which made it. Frames and videos
+stay in `runs/NAME`, from which an interrupted part goes on.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import random
 import re
-import secrets
 import shlex
 import subprocess
 import sys
@@ -156,13 +156,15 @@ def confirm(part: Part, root: Path = ROOT, kept: Path = KEPT) -> bool:
     assert told is not None
     with tempfile.TemporaryDirectory() as folder, duckdb.connect() as database:
         database.execute(f"CREATE VIEW kept AS FROM {sql_text(file)}")
-        episodes = len(database.execute(f"SELECT DISTINCT {', '.join(_EPISODE[:-1])} FROM kept").fetchall())
-        share = max(1, min(SHARE, episodes // LEAST))
-        play(*_some(part, share), Path(folder) / part.name, root)
-        store = RunStore(Path(folder) / part.name)
-        with store.database() as again:
-            now = _scores(again, "summary")
         before = _scores(database, "kept")
+        share = max(1, min(SHARE, len({name[:-1] for name in before}) // LEAST))
+        for number in random.SystemRandom().sample(range(share), share):
+            play(*_some(part, f"{1 + number}/{share}"), Path(folder) / part.name, root)
+            store = RunStore(Path(folder) / part.name)
+            with store.database() as again:
+                now = _scores(again, "summary")
+            if {name[-1] for name in now} == {name[-1] for name in before}:
+                break  # of each tracker something was played again
         other = [name for name, scores in now.items() if before.get(name) != scores]
         for name in other:
             print(f"{part.name}: another result now: {' '.join(map(str, name))}", flush=True)
@@ -172,12 +174,12 @@ def confirm(part: Part, root: Path = ROOT, kept: Path = KEPT) -> bool:
     return not other
 
 
-def _some(part: Part, share: int) -> tuple[Part, str]:
-    """A part with the script that plays a few of its episodes, and options that are added."""
+def _some(part: Part, share: str) -> tuple[Part, str]:
+    """A part with the script that plays a few of its episodes, K/N of them, and options that are added."""
     if _LIMIT not in part.script:
-        return part, f"--part {1 + secrets.randbelow(share)}/{share}"
+        return part, f"--part {share}"
     axes = _AXIS.findall(part.script)
-    axes.remove(secrets.choice(axes))
+    axes.remove(random.SystemRandom().choice(axes))
     script = _AXIS.sub(lambda one: "" if one[0] in axes else one[0], part.script)
     return replace(part, script=_BUDGET.sub(f"--budget {LEAST_EPISODES}", script)), ""
 

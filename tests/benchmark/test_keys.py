@@ -122,7 +122,7 @@ def test_what_a_folder_holds_besides_is_named():
 def test_a_run_that_is_interrupted_while_it_grows_is_readable_and_goes_on(tmp_path: Path):
     out = tmp_path / "run"
     run(plan_of("0:2", ["oracle"]), out, videos="none")
-    run(plan_of("0:2", ["stay"]), out, videos="none", part=(1, 2))
+    run(plan_of("0:2", ["stay"]), out, videos="none", part=(2, 2))
     assert check(out).problems == ("missing: corridor seed 1, stay",)
     assert not RunStore(out).finished
     assert [(one.seed, one.label) for one in RunStore(out).results] == [(0, "oracle"), (0, "stay"), (1, "oracle")]

@@ -66,6 +66,19 @@ def test_plans_are_joined_and_shuffled_without_losing_an_episode():
         join_plans([parts[0], parts[0]])
 
 
+def test_each_part_holds_every_tracker_and_scenario_and_together_they_hold_each_episode_once():
+    trackers = ["oracle", "stay", "ncc", "ko2012", "lee2012"]
+    plan = make_plan(["plaza-walk", "corridor"], trackers, range(20), controllers=["servo"])
+    parts = [plan.episodes(part=(k, 10)) for k in range(1, 11)]
+    assert sorted(one.number for part in parts for one in part) == list(range(plan.episode_count))
+    for part in parts:
+        assert [one.number for one in part] == sorted(one.number for one in part)
+        assert len({one.trackers[0].name for one in part}) > 1
+        assert {one.spec.name for one in part} == {"plaza-walk", "corridor"}
+    seen = [tracker for part in parts for tracker in {one.trackers[0].name for one in part}]
+    assert len(seen) > 40, "of 10 parts, nearly each holds all five trackers"
+
+
 def test_the_code_of_controllers_and_the_files_of_models_are_part_of_a_plan(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

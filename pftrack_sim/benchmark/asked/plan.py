@@ -411,13 +411,13 @@ class Plan(Section):
         """Every episode in the plan's order.
 
         Args:
-            part: Part k of n: only every n-th episode, from the k-th (1 is the first).
-            shuffle: A seed to shuffle the order with.
+            part: Part k of n, a random sample: every n-th episode of the plan's order would hold the same trackers
+                and seeds again and again.
+            shuffle: A seed to shuffle the order with, and to draw the parts by.
         """
-        chosen = self._episodes
-        if shuffle is not None:
-            chosen = random.Random(shuffle).sample(chosen, len(chosen))
-        return chosen[part[0] - 1 :: part[1]]
+        numbers = range(len(self._episodes))
+        drawn = random.Random(shuffle or 0).sample(numbers, len(numbers))[part[0] - 1 :: part[1]]
+        return [self._episodes[number] for number in (sorted(drawn) if shuffle is None else drawn)]
 
     def episode(self, number: int) -> Episode:
         """The episode at a place in the plan's order."""

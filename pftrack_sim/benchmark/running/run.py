@@ -80,7 +80,7 @@ def run(
         isolation: Which trackers run in a process of their own: `"auto"` (third-party), `"always"`, `"never"`,
             or `"container"` (third-party, in a sandbox).
         limits: Limits of those.
-        part: Part k of n: only every n-th episode, from the k-th (1 is the first); other machines run the others.
+        part: Part k of n: only a random sample, one n-th of the episodes; other machines run the others.
         shuffle: A seed to shuffle the order of the episodes with.
         refresh: Run results again that are in the folder under the same name with another key: with other code, other
             versions of packages, or another scenario.
