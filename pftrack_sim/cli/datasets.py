@@ -126,7 +126,7 @@ def score(
 
 def _print_scored(found: Scored) -> None:
     """Print the overlap on each sequence, our measures over all, the benchmark's own, and comparisons in pairs."""
-    from pftrack_sim.report.tables import Table, benchmark_table, grouped, number_text, range_text
+    from pftrack_sim.report.tables import Table, benchmark_table, grouped, number_text, p_text, range_text
     from pftrack_sim.score import INTERVALS, VERDICTS, mean_summary
 
     tables.print_warnings(found.misread)
@@ -148,7 +148,7 @@ def _print_scored(found: Scored) -> None:
         rows = [
             [
                 *(pair.first, pair.second, str(pair.difference.seeds)),
-                *(range_text(pair.difference, sign="+"), number_text(pair.difference.p)),
+                *(range_text(pair.difference, sign="+"), p_text(pair.difference.p)),
             ]
             for pair in found.comparisons
         ]

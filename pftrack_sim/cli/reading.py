@@ -20,7 +20,7 @@ from rich.text import Text
 from pftrack_sim.cli import options, tables
 from pftrack_sim.cli.progress import progress_bar, show_run
 from pftrack_sim.cli.values import parse_names
-from pftrack_sim.core.errors import ParameterError, RunError
+from pftrack_sim.core.errors import ParameterError, RunError, UnknownNameError
 from pftrack_sim.core.memory import memory_limit
 
 if TYPE_CHECKING:
@@ -205,6 +205,9 @@ def submit(
     found = read_submission(paths[0])
     wrong = problems(found)
     about = found.about
+    names = {one.name for one in about.trackers}
+    if tracker is not None and tracker not in names:
+        raise UnknownNameError("tracker of the submission", tracker, names)
     what = f"{paths[0]}: {found.label} on {about.suite}, {len(found.rows)} episodes"
     tables.print_lines([what, *(f"  {one}" for one in wrong), *(["refused"] if wrong else [])])
     if verify and not wrong:

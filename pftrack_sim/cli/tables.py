@@ -147,14 +147,14 @@ def print_standing(store: RunStore) -> None:
 def print_comparison(found: RunComparison) -> None:
     """Print paired differences, what the seeds can show, and the episodes that lost most."""
     from pftrack_sim.report.comparison import remarks
-    from pftrack_sim.report.tables import Table, number_text, range_text
+    from pftrack_sim.report.tables import Table, number_text, p_text, range_text
     from pftrack_sim.score import INTERVALS, MEASURE_DEFINITIONS, VERDICTS
 
     first, second = found.titles
     rows = [
         [
             *(row.scenario, row.condition, str(row.difference.seeds), number_text(row.first), number_text(row.second)),
-            *(range_text(row.difference, sign="+"), number_text(row.difference.p), row.verdict.replace("s ", "s\n", 1)),
+            *(range_text(row.difference, sign="+"), p_text(row.difference.p), row.verdict.replace("s ", "s\n", 1)),
         ]
         for row in found.rows
     ]

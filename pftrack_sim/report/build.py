@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,14 +16,16 @@ from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.asked.suite import Suite
 from pftrack_sim.benchmark.datasets.results import Scored
 from pftrack_sim.benchmark.kept.files import csv_text, write_bytes
+from pftrack_sim.benchmark.reference.standing import standings
 from pftrack_sim.benchmark.said.claims import evaluate_claims
 from pftrack_sim.benchmark.said.readings import misread_trackers
 from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.contents import contents, scored_contents
 from pftrack_sim.report.html import render, write_page
+from pftrack_sim.report.standing import standing_remarks, standing_tables
 from pftrack_sim.report.strips import strips
-from pftrack_sim.report.tables import anchors, benchmark_table, claim_text, paper_tables
+from pftrack_sim.report.tables import Table, anchors, benchmark_table, claim_text, paper_tables
 
 _SESSION_KEYS = ("began", "command", "commit", "versions", "python", "platform")
 
@@ -51,7 +53,7 @@ def write_report(path: Path, *, on_episode: Callable[[], None] = lambda: None) -
         len({result.seed for result in store.results}) > 1,
         strips=strips(store),
         misread=misread_trackers(store),
-        benchmark=next(anchors(store), None),
+        benchmarks=[*((table, ()) for table in anchors(store)), *_standing(store)],
         suites=[_suite(suite, store.results) for suite in store.plan.suites],
         how=_provenance(store),
         scenarios={name: scenario.digest for name, scenario in store.plan.scenarios.items()},
@@ -83,7 +85,8 @@ def write_scored(found: Scored, out: Path, sources: Mapping[str, str]) -> Path:
     how = [*sources.items(), ("version", pftrack_sim.__version__)]
     contents, benchmark = scored_contents(found), benchmark_table(found)
     several = len(contents["scenarios"]) > 1
-    page = _render(out.resolve().name, contents, several, benchmark=benchmark, how=how, misread=found.misread)
+    benchmarks = [(benchmark, ())] if benchmark else []
+    page = _render(out.resolve().name, contents, several, benchmarks=benchmarks, how=how, misread=found.misread)
     write_bytes(out / "results.csv", csv_text(list(rows[0]), [list(row.values()) for row in rows]).encode())
     return write_page(out / "report.html", page)
 
@@ -96,7 +99,7 @@ def _render(title: str, data: Mapping[str, Any], several: bool, **values: Any) -
         "suites": (),
         "scenarios": {},
         "errors": (),
-        "benchmark": None,
+        "benchmarks": (),
     }
     return render(
         "report",
@@ -115,6 +118,14 @@ def _render(title: str, data: Mapping[str, Any], several: bool, **values: Any) -
         tags=data["tags"],
         **{**nothing, **values},
     )
+
+
+def _standing(store: RunStore) -> Iterator[tuple[Table, Sequence[str]]]:
+    """Tables of where the trackers stand on the frozen suites of a run, the last of each with what is to be said."""
+    for found in standings(store):
+        *tables, last = standing_tables(found)
+        yield from ((table, ()) for table in tables)
+        yield last, list(standing_remarks(found, str(store.path)))
 
 
 def _provenance(store: RunStore) -> list[tuple[str, str]]:

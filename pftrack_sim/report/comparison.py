@@ -20,7 +20,7 @@ from pftrack_sim.core.palette import styles_of
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.report.contents import read_frames
 from pftrack_sim.report.html import render, write_page
-from pftrack_sim.report.tables import number_text, range_text
+from pftrack_sim.report.tables import number_text, p_text, range_text
 from pftrack_sim.score.events import occlusions
 
 _MOST_EPISODES = 12
@@ -121,7 +121,7 @@ def _row(row: Difference, scale: float) -> dict[str, Any]:
         "means": [number_text(row.first, 3), number_text(row.second, 3)],
         "difference": mean,
         "interval": brackets.strip("()"),
-        "p": number_text(found.p, 3),
+        "p": p_text(found.p),
         "verdict": row.verdict,
         "mark": place(found.mean) if found.seeds else None,
         "bar": (place(found.low), round(place(found.high) - place(found.low), 2)) if known else None,

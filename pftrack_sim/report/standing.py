@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from pftrack_sim import score
 from pftrack_sim.benchmark.reference.standing import EXPLAINING, Standing
-from pftrack_sim.report.tables import Table, number_text, range_text
+from pftrack_sim.report.tables import Table, number_text, p_text, range_text
 
 _NOTES = {
     "skill": "mean overlap over all scored frames, corrected for chance: (overlap - stay) / (1 - stay)",
@@ -33,12 +33,12 @@ def standing_tables(found: Standing) -> Iterator[Table]:
         for one in found.places
     ]
     heads = ["seeds", "skill", *EXPLAINING.values(), "ms", "drives", "success"]
-    yield Table(found.suite, ["tracker"], heads, rows, _NOTES)
+    yield Table(f"{found.suite}{' beside its reference results' if mark else ''}", ["tracker"], heads, rows, _NOTES)
     if found.pairs:
         rows = [
             [
                 *(one.label, one.reference, str(one.difference.seeds), range_text(one.difference, sign="+")),
-                *(number_text(one.difference.p), one.difference.verdict),
+                *(p_text(one.difference.p), one.difference.verdict),
             ]
             for one in found.pairs
         ]
@@ -54,7 +54,7 @@ def standing_remarks(found: Standing, run: str) -> Iterator[str]:
     if not found.references:
         yield f"{found.suite}: no reference results to compare with"
     if found.pairs:
-        yield f"Below each difference: {score.INTERVALS}."
+        yield f"With each difference: {score.INTERVALS}. {score.VERDICTS}."
     redrawn = [one for one in found.pairs if one.other_frames]
     if redrawn:
         worst = max(redrawn, key=lambda one: one.other_frames)

@@ -95,6 +95,11 @@ def number_text(value: float, digits: int = 3) -> str:
     return "-" if math.isnan(value) else f"{value:z.{digits}f}"
 
 
+def p_text(p: float) -> str:
+    """A p of three decimals, `<0.001` for a smaller one, or `-` for NaN."""
+    return "<0.001" if p < 0.001 else number_text(p)
+
+
 def range_text(one: score.SeedMean, digits: int = 3, sign: str = "") -> str:
     """`0.497 (0.422 to 0.570)`, a mean with its interval, or with its values, `0.497 (0.49, 0.50)`, if it has none."""
     if not one.seeds:

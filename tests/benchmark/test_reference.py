@@ -29,6 +29,7 @@ from pftrack_sim.benchmark.reference.submission import _digest as digest_of
 from pftrack_sim.benchmark.reference.verification import verify
 from pftrack_sim.cli import tables
 from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, UnknownNameError
+from pftrack_sim.report.build import write_report
 from pftrack_sim.report.markdown import update_document
 from pftrack_sim.report.standing import standing_remarks, standing_tables
 from pftrack_sim.scenario import load
@@ -188,7 +189,9 @@ def test_episodes_are_chosen_by_the_seed_and_other_frames_prove_nothing(made: di
     assert len(names) > 1
 
 
-def test_what_cannot_be_submitted_says_why(suite: str, stores: list[RunStore], tmp_path: Path):
+def test_what_cannot_be_submitted_says_why(
+    suite: str, stores: list[RunStore], made: dict[str, Submission], tmp_path: Path
+):
     with pytest.raises(ParameterError, match="say which tracker with --tracker"):
         make_submission(stores)
     with pytest.raises(UnknownNameError, match="tracker of the run"):
@@ -207,10 +210,13 @@ def test_what_cannot_be_submitted_says_why(suite: str, stores: list[RunStore], t
     plain = run(alone, tmp_path / "plain", videos="none")
     with pytest.raises(ParameterError, match="is of one frozen suite, such as standard-1"):
         make_submission([plain], "stay")
+    submitted = tmp_path / "stay.parquet"
+    write_submission(submitted, made["stay"])
     for words, said in (
         ([tmp_path / "few", "--verify"], "--verify takes a submission"),
         ([tmp_path / "few", tmp_path], f"{tmp_path} is no run folder"),
         ([tmp_path / "none.parquet"], "none.parquet is not a submission"),
+        ([submitted, "--tracker", "sty"], "unknown tracker of the submission 'sty'"),
     ):
         done = pftrack_sim("submit", *map(str, words))
         assert (done.returncode, done.stdout) == (2, "")
@@ -248,7 +254,12 @@ def test_a_run_is_placed_among_the_references_on_the_same_frames(
     assert (first.difference.seeds, first.episodes, first.other_frames, first.other_scenes) == (5, 5, 0, 0)
     assert found.places[2].skill.mean == 0.0, "stay is what chance is"
     titles = [table.title for table in standing_tables(found)]
-    assert titles == [suite, "Mean overlap minus that of each reference, on the same frames"]
+    of_suite, of_pairs = f"{suite} beside its reference results", "Mean overlap minus that of each reference"
+    assert titles == [of_suite, f"{of_pairs}, on the same frames"]
+    run_page = write_report(Path(shutil.copytree(stores[0].path, tmp_path / "run"))).read_text()
+    assert of_suite in run_page
+    assert of_pairs in run_page
+    assert '<th scope="row">ncc (here)</th><td>5</td>' in run_page
     (driven,) = standings(stores[1])
     assert {one.success.seeds for one in driven.places} == {5}
     assert driven.pairs == ()

@@ -332,7 +332,7 @@ function drawMatrix() {
       const pair = cells[one][other];
       const cell = element("td", one === other || !pair || pair.difference === null ? "" : number(pair.sign * pair.difference));
       if (pair && pair.shown) cell.style.fontWeight = "700";
-      if (pair && pair.difference !== null) cell.title = `p = ${number(pair.p, 4)}, ${pair.seeds} ${DATA.unit}s`;
+      if (pair && pair.difference !== null) cell.title = `p ${pair.p < 0.001 ? "< 0.001" : `= ${number(pair.p, 3)}`}, ${pair.seeds} ${DATA.unit}s`;
       line.append(cell);
     });
     table.append(line);
