@@ -54,10 +54,20 @@ def robot_parameters(settings: ResolvedScenario, latency_ms: float = 0.0) -> Rob
         math.radians(robot.max_pan_deg_s),
         math.radians(robot.max_tilt_deg_s),
         settings.follow.distance_m,
-        camera.height_m,
+        _height_m(settings),
         robot.range_finder.field_deg,
         robot.range_finder.range_m,
     )
+
+
+def _height_m(settings: ResolvedScenario) -> float:
+    """Height of the camera that is looked through, with the head at rest."""
+    first = settings.camera
+    if settings.viewed not in {one.name for one in settings.cameras}:
+        return first.height_m
+    _, down_m, ahead_m = settings.T_camera(settings.viewed)[:3, 3].tolist()
+    tilt = math.radians(first.tilt_deg)
+    return first.height_m - down_m * math.cos(tilt) + ahead_m * math.sin(tilt)
 
 
 def frames_per_result(latency_ms: float, rate_hz: float) -> int:

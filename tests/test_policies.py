@@ -11,6 +11,7 @@ import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.records import Estimate
+from pftrack_sim.simulation.simulation import Simulation
 
 SMALL = {"camera.width_px": 96, "camera.height_px": 72, "lights.shadows": False, "duration_s": 1.0, "occluders": []}
 RATE_HZ = 30.0
@@ -112,3 +113,14 @@ def test_no_latency_is_the_same_to_the_bit_and_some_is_not():
     plain = play(lambda policy: policy)
     assert play(lambda policy: policies.LatencyWrapper(policy, 0.0, RATE_HZ)) == plain
     assert play(lambda policy: policies.LatencyWrapper(policy, 7.0, RATE_HZ)) != plain
+
+
+@pytest.mark.parametrize("up_m", [-0.6, 0.6])
+def test_a_controller_knows_the_height_of_the_camera_that_is_looked_through(up_m: float):
+    changes = {**SMALL, "camera.tilt_deg": 10.0, "cameras": [{"name": "other", "up_m": up_m, "ahead_m": 0.3}]}
+    for viewed in ("camera", "other"):
+        loaded = scenario.load("plaza-walk", {**changes, "viewed": viewed})
+        with Simulation(loaded, image=False) as simulation:
+            truth = simulation.reset(1).truth
+            told = policies.robot_parameters(simulation.settings).camera_height_m
+        assert told == pytest.approx(truth.T_world_camera[2, 3], abs=0.02)

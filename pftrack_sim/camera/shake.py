@@ -38,14 +38,16 @@ class CameraShake:
         self._fixed: FloatArray | None = None
 
     @classmethod
-    def band_limited(cls, jitter: Jitter, rng: np.random.Generator) -> CameraShake:
+    def band_limited(
+        cls, angular_rms_deg: float, translational_rms_mm: float, band_hz: tuple[float, float], rng: np.random.Generator
+    ) -> CameraShake:
         """A spectrum that is flat over a band: one cosine at a random place in each of 64 equal parts of it.
 
-        The draws do not depend on the RMS.
+        The draws do not depend on the RMS of each of pitch, yaw and roll, and along each of x, y and z.
         """
-        low, high = jitter.band_hz
+        low, high = band_hz
         share = (np.arange(_COSINES) + rng.random((6, _COSINES))) / _COSINES
-        rms = np.repeat([math.radians(jitter.angular_rms_deg), 1e-3 * jitter.translational_rms_mm], 3)
+        rms = np.repeat([math.radians(angular_rms_deg), 1e-3 * translational_rms_mm], 3)
         phase = rng.uniform(0.0, 2.0 * np.pi, (6, _COSINES))
         amplitude = np.repeat(rms[:, None] * math.sqrt(2.0 / _COSINES), _COSINES, axis=1)
         return cls(2.0 * np.pi * (low + (high - low) * share), phase, amplitude)
@@ -115,14 +117,11 @@ def camera_shake(base: Jitter, axis: JitterAxis, seed: int, mast_m: float) -> Ca
     Each source has a random stream of its own: a higher severity scales the same vibration, and omitting a source
     changes no other. `mast_m` is the height of the camera above the foot of the mast.
     """
-    shake = CameraShake.band_limited(base, stream(seed, "jitter", "base"))
+    own = base.angular_rms_deg, base.translational_rms_mm, base.band_hz
+    shake = CameraShake.band_limited(*own, stream(seed, "jitter", "base"))
     if axis.on and "ground" in axis.sources:
-        ground = Jitter(
-            angular_rms_deg=axis.severity * axis.ground_rms_deg,
-            translational_rms_mm=axis.severity * axis.ground_rms_mm,
-            band_hz=axis.ground_band_hz,
-        )
-        shake += CameraShake.band_limited(ground, stream(seed, "jitter", "ground"))
+        ground = axis.severity * axis.ground_rms_deg, axis.severity * axis.ground_rms_mm, axis.ground_band_hz
+        shake += CameraShake.band_limited(*ground, stream(seed, "jitter", "ground"))
     if axis.on and "wind" in axis.sources:
         rng = stream(seed, "jitter", "wind")
         shake += CameraShake.gusts(axis.severity * axis.wind_rms_deg, axis.wind_corner_hz, mast_m, rng)

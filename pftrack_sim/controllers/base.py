@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, SupportsFloat, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,4 +97,6 @@ def is_lost(estimate: Estimate, min_confidence: float) -> bool:
 
 def is_positive(value: object) -> bool:
     """Whether a value is a finite number above 0."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value) and value > 0.0
+    return (
+        isinstance(value, SupportsFloat) and not isinstance(value, (bool, np.ndarray)) and 0.0 < float(value) < math.inf
+    )

@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim import scenario as scenarios
 from pftrack_sim.core.arguments import checked
-from pftrack_sim.core.errors import CommandError, ParameterError
+from pftrack_sim.core.errors import CommandError, ParameterError, ScenarioError
 from pftrack_sim.core.proprioception import proprio_high
 from pftrack_sim.core.records import Estimate, Frame, Image
 from pftrack_sim.core.text import one_line
 from pftrack_sim.env.window import Window
 from pftrack_sim.render.overlay import draw_frame
-from pftrack_sim.scenario import ScenarioLike
+from pftrack_sim.scenario import ResolvedScenario, ScenarioLike
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.truth.detector import DetectionModel
 
@@ -110,6 +110,7 @@ class CameraEnv(gym.Env[Observation, Any]):
         if depth:
             spaces["depth"] = gym.spaces.Box(0.0, np.inf, (camera.height_px, camera.width_px), np.float32)
         self.observation_space = gym.spaces.Dict(spaces)
+        self._observed = _observed(settings)
         self.simulation = Simulation(self.scenario, backend=backend, image=image, cameras=True)
         self.episode_seed = 0
         """Root seed of the episode; 0 before the first reset."""
@@ -128,6 +129,13 @@ class CameraEnv(gym.Env[Observation, Any]):
         self.episode_seed = seed if seed is not None else int(self.np_random.integers(2**31))
         self._frame = self.simulation.reset(self.episode_seed)
         settings = self.simulation.settings
+        now = _observed(settings)
+        if other := [name for name, value in self._observed.items() if now.get(name) != value]:
+            self._frame, name = None, other[0]
+            changed = f"got {now.get(name)} at seed {self.episode_seed}, and {self._observed[name]} at seed 0"
+            raise ScenarioError(
+                self.scenario.name, [f"{name}: the observation must not change with the seed, {changed}"]
+            )
         self._detectors = {
             name: DetectionModel(settings.model_copy(update={"viewed": name}), self.episode_seed)
             for name in settings.camera_names
@@ -247,6 +255,15 @@ class CameraEnv(gym.Env[Observation, Any]):
     def _over(self) -> bool:
         """Whether the last frame of the scenario has been answered."""
         return self._current.index >= self.simulation.frame_count
+
+
+def _observed(settings: ResolvedScenario) -> dict[str, Any]:
+    """What of a scenario the observation space consists of, by key."""
+    seen = {name: settings.seen_by(name).camera for name in settings.camera_names}
+    sizes = {f"size of {name!r} [px]": (one.width_px, one.height_px) for name, one in seen.items()}
+    scan = settings.robot.range_finder
+    finder = {"robot.range_finder.beams": scan.beams, "robot.range_finder.range_m": scan.range_m}
+    return {"cameras": list(seen), "viewed": settings.viewed, **sizes, **finder}
 
 
 def checked_command(action: ArrayLike) -> NDArray[np.float64]:

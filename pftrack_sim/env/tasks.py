@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, cast
+from typing import Any, SupportsFloat, cast
 
 import gymnasium as gym
 import numpy as np
@@ -157,7 +157,7 @@ class TrackAndFollowEnv(FollowEnv):
         """Score the box on the frame shown, drive, and return the next frame."""
         values = cast("dict[str, Any]", action if isinstance(action, dict) else {})
         if set(values) - {"late_s"} != {"box", "command"}:
-            given = sorted(values) if isinstance(action, dict) else repr(action)
+            given = sorted(map(str, values)) if isinstance(action, dict) else repr(action)
             raise ParameterError(f"an action must be a dict with the keys 'box' and 'command', got {given}")
         answer = Estimate(boxes.checked(values["box"], what="action['box']"))
         late_s = _checked_late(values.get("late_s", 0.0))
@@ -169,9 +169,10 @@ class TrackAndFollowEnv(FollowEnv):
 
 
 def _checked_late(late_s: Any) -> float:
-    if not isinstance(late_s, (int, float)) or not 0.0 <= late_s < math.inf:
+    seconds = float(late_s) if isinstance(late_s, SupportsFloat) and not isinstance(late_s, np.ndarray) else math.nan
+    if not 0.0 <= seconds < math.inf:
         raise ParameterError(f"late_s must be 0 s or more, got {late_s!r}")
-    return float(late_s)
+    return seconds
 
 
 def command_space() -> gym.spaces.Box:

@@ -322,6 +322,7 @@ RoadClass: TypeAlias = Literal["A", "B", "C", "D", "E"]
 
 
 MAX_SHAKE_DEG = 40.0
+MAX_SHAKE_MM = 10_000.0
 """Strongest shake of the axis at any severity, RMS of each of pitch, yaw and roll [deg]."""
 
 
@@ -345,6 +346,8 @@ class JitterAxis(Axis, name="jitter", headline="angular_rms_deg", unit="deg RMS"
                 f"the camera may shake by at most {MAX_SHAKE_DEG:g} deg RMS, got {self.physical:g} deg: severity "
                 f"{self.severity:g} times {self.angular_rms_deg:g} deg"
             )
+        if (far_mm := self.severity * self.ground_rms_mm) > MAX_SHAKE_MM:
+            raise ValueError(f"the camera may shake by at most {MAX_SHAKE_MM:g} mm RMS, got {far_mm:g} mm")
         return self
 
     @property

@@ -150,18 +150,25 @@ def _with_files(name: str, tree: Tree, folder: Path) -> Tree:
 
 
 def _with_file(name: str, tree: Tree, table: str, key: str, folder: Path, *, within: str = "") -> Tree:
-    """The tree with the whole path of the file at a key of a table, and a digest of it and those that it names."""
+    """The tree with the whole path of the file at a key of a table, and a digest of it and those that it names.
+
+    Of a choice between files it is the paths of all, and the digests of all.
+    """
     own = tree.get(table, {})
-    file = own.get(key) if ranges.is_mapping(own) else None
-    if not isinstance(file, str) or file.startswith("menagerie:"):
+    given = own.get(key) if ranges.is_mapping(own) else None
+    choice = given.get("choice") if ranges.is_range(given) else None
+    files = [one for one in (choice if ranges.is_list(choice) else [given]) if isinstance(one, str)]
+    paths = {one: (folder / one).resolve() for one in files if not one.startswith("menagerie:")}
+    if not paths:
         return tree
-    path = (folder / file).resolve()
-    if not is_file(path):
-        raise ScenarioError(name, [f"{within}{table}.{key}: no such file: {one_line(str(path))}"])
     try:
-        found = {key: str(path), f"{key}_digest": named_digest(path)}
+        if missing := [path for path in paths.values() if not is_file(path)]:
+            raise ParameterError(f"no such file: {one_line(str(missing[0]))}")
+        digests = [named_digest(path) for path in paths.values()]
     except ParameterError as error:
         raise ScenarioError(name, [f"{within}{table}.{key}: {error}"]) from None
+    whole = [str(paths.get(one, one)) if isinstance(one, str) else one for one in choice or [given]]
+    found = {key: {"choice": whole} if choice else whole[0], f"{key}_digest": " ".join(digests)}
     return {**tree, table: {**own, **found}}
 
 
@@ -273,14 +280,17 @@ def _problems(tree: Tree, *, whole: bool) -> list[str]:
         if wrong:
             found.append(f"{dotted(path)}: {wrong}")
         else:
-            spans.append((path, list(next(iter(value.values())))))
+            (kind, values), *_ = value.items()
+            low, high = values[0], values[-1]
+            # Between two whole numbers a uniform range draws others, which a key for whole numbers does not take.
+            spans.append((path, [*values, *([low + 0.5**0.5 * (high - low)] if kind == "uniform" else [])]))
     if found:
         return found
     count = sum(len(values) for _, values in spans)
     if count > MAX_ALTERNATIVES:
         return [f"the ranges have {count} ends and alternatives together: at most {MAX_ALTERNATIVES} are checked"]
     base = {path: values[0] for path, values in spans}
-    # Every end of every range must be valid on its own, so that validity does not depend on the seed.
+    # Every end of every range, and what lies between, must be valid, so that validity does not depend on the seed.
     trials = [base] + [{**base, path: value} for path, values in spans for value in values[1:]]
     for trial in trials:
         if len(found) > MAX_PROBLEMS:

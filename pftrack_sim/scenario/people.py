@@ -256,8 +256,9 @@ class Target(Section):
                 f"path_m of a thing that is pushed must be the one point where it lies at first, got "
                 f"{len(self.path_m)}; or set path = 'auto'"
             )
-        if self.path == "points" and not self.pushed and len(self.path_m) < 2:
-            raise ValueError(f"path_m must have at least 2 points, got {len(self.path_m)}; or set path = 'auto'")
+        different = len(dict.fromkeys(self.path_m))
+        if self.path == "points" and not self.pushed and different < 2:
+            raise ValueError(f"path_m must have at least 2 different points, got {different}; or set path = 'auto'")
         length_m = sum(math.dist(one, other) for one, other in itertools.pairwise(self.path_m))
         if length_m > MAX_PATH_M:
             raise ValueError(f"path_m must be at most {MAX_PATH_M:g} m long, got {length_m:g} m")

@@ -57,7 +57,7 @@ class DetectionModel:
         )
         self._pending: deque[tuple[float, Detections]] = deque()
         self._ready = Detections(np.empty((0, 4)), np.empty(0))
-        self._ready_s = 0.0
+        self._ready_s: float | None = None
 
     def detect(self, people: Sequence[Truth], image: Image | None = None) -> Detections:
         """Detections that are there at the time of a frame.
@@ -75,7 +75,7 @@ class DetectionModel:
         self._pending.append((now_s, self._of_frame(people, image)))
         while self._pending and self._pending[0][0] + self._axis.latency_s <= now_s + _TINY_S:
             self._ready_s, self._ready = self._pending.popleft()
-        if self._ready_s == now_s or not len(self._ready):
+        if self._ready_s is None or self._ready_s == now_s:
             return self._ready
         return Detections(self._ready.boxes, self._ready.scores, now_s - self._ready_s)
 

@@ -247,21 +247,22 @@ class TruthObserver:
         """Truth of a person; None for others than targets without an amodal pixel in the image."""
         amodal, swept = frame.boxes(person)
         box, truncation = _clipped(amodal, *self._size)
-        inside = int(np.count_nonzero(silhouette.amodal)) if silhouette is not None and box[2] * box[3] else 0
+        inside = 0 if silhouette is None else int(np.count_nonzero(silhouette.amodal))
+        present = bool(inside and box[2] * box[3])  # a trunk may be outside, of which the box is, and a leg inside
         if not inside and person != frame.target and person not in self._told:
             return None
-        state: State = "occluded" if inside else "out_of_view"
+        state: State = "occluded" if present else "out_of_view"
         visible_box, fraction, luminance = boxes.NO_BOX, 0.0, float("nan")
         seen = int(np.count_nonzero(silhouette.visible)) if silhouette is not None and inside else 0
         if silhouette is not None and seen:
-            state = "visible"
+            state = "visible" if present else "out_of_view"
             rect, visible = silhouette.rect, silhouette.visible.view(np.uint8)
             left, top, *visible_size = cv2.boundingRect(visible)
             visible_box = np.array([rect.left + left, rect.top + top, *visible_size], dtype=np.float64)
             fraction = seen / inside
             if image is not None:
                 luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
-        if not inside:
+        if not present:
             box[2:] = 0.0
         box.setflags(write=False)
         motion_px = 0.0 if frame.before is None else math.dist(_centre(amodal), _centre(frame.before(person)[0]))

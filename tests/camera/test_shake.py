@@ -13,7 +13,8 @@ POSE = np.array([[0, 0, 1, 3.3], [-1, 0, 0, -0.2], [0, -1, 0, 1.25], [0, 0, 0, 1
 
 
 def vibration(jitter: Jitter = SHAKE, seed: int = 0) -> CameraShake:
-    return CameraShake.band_limited(jitter, np.random.default_rng(seed))
+    rms = jitter.angular_rms_deg, jitter.translational_rms_mm
+    return CameraShake.band_limited(*rms, jitter.band_hz, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -110,8 +111,17 @@ def test_gusts_rotate_the_camera_about_the_foot_of_the_mast():
 
 
 def test_severity_zero_is_the_base_to_the_bit():
-    base = CameraShake.band_limited(SHAKE, stream(3, "jitter", "base")).displace(POSE, 0.4)
+    base = CameraShake.band_limited(0.4, 5.0, (2.0, 9.0), stream(3, "jitter", "base")).displace(POSE, 0.4)
     assert camera_shake(SHAKE, JitterAxis(severity=0.0), 3, 1.2).displace(POSE, 0.4).tobytes() == base.tobytes()
+
+
+def test_every_severity_that_a_scenario_takes_shakes_the_camera():
+    axis = JitterAxis(severity=1.0, sources=("ground",), ground_rms_deg=30.0, ground_rms_mm=9000.0)
+    rotation, translation = camera_shake(SHAKE, axis, 3, 1.2).offset(np.arange(0.0, 400.0, 1 / 60))
+    assert np.degrees(np.sqrt((rotation**2).mean(axis=0))) == pytest.approx(30.0, rel=0.05)
+    assert np.sqrt((translation**2).mean(axis=0)) == pytest.approx(9.0, rel=0.05)
+    with pytest.raises(ValueError, match="at most 10000 mm RMS, got 18000 mm"):
+        JitterAxis(severity=2.0, ground_rms_mm=9000.0)
 
 
 def test_the_shake_is_determined_by_the_seed():

@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -384,3 +385,34 @@ def test_import_only_registers_the_environments():
         "assert dict(os.environ) == before, set(os.environ) ^ set(before)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "read", "words"),
+    [
+        ({"camera.width_px": {"choice": [64, 96]}}, lambda one: one.camera.width_px, "size of 'camera'"),
+        (
+            {"robot.range_finder.beams": {"integer": [5, 40]}},
+            lambda one: one.robot.range_finder.beams,
+            "robot.range_finder.beams",
+        ),
+        ({"cameras": [{"name": "a"}], "viewed": {"choice": ["camera", "a"]}}, lambda one: one.viewed, "viewed"),
+    ],
+)
+def test_an_observation_that_would_change_with_the_seed_is_refused(
+    changes: dict[str, Any], read: Callable[[scenario.ResolvedScenario], object], words: str
+):
+    env = make(overrides=changes, image=False)
+    loaded = scenario.load("plaza-walk", {**SMALL, **changes})
+    values = {seed: read(loaded.resolve(seed)) for seed in range(20)}
+    same, other = (
+        next(seed for seed in values if seed and (values[seed] == values[0]) is alike) for alike in (True, False)
+    )
+    with pytest.raises(ScenarioError, match=rf"{words}.*: the observation must not change with the seed, got"):
+        env.reset(seed=other)
+    with pytest.raises(gym.error.ResetNeeded):
+        env.step(np.zeros(4))
+    env.close()
+    env = make(overrides=changes, image=False)
+    assert env.observation_space.contains(env.reset(seed=same)[0])
+    env.close()

@@ -81,3 +81,17 @@ def test_the_environment_hands_out_and_rewards_the_torso():
     assert (observation["init_box"] == info["truth"].box).all()
     assert env.step(observation["init_box"])[1] == pytest.approx(1.0)
     env.close()
+
+
+def test_a_person_whose_trunk_is_outside_is_seen_as_much_as_the_rest_of_them():
+    """The camera looks up from behind, so that only the head is in the image."""
+    seen = {}
+    for init in ("body", "torso"):
+        changes = {**SMALL, "target.init": init, "camera.fovy_deg": 20.0, "camera.tilt_deg": 14.0}
+        with Simulation(scenario.load("plaza-walk", changes)) as simulation:
+            seen[init] = simulation.reset(1).truth
+    whole, torso = seen["body"], seen["torso"]
+    assert (whole.state, torso.state) == ("visible", "out_of_view")
+    assert torso.visible_fraction == whole.visible_fraction > 0.5
+    assert (torso.visible_box == whole.visible_box).all()
+    assert torso.box[2] * torso.box[3] == 0.0

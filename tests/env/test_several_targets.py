@@ -159,7 +159,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "of a folder": ({"targets.0.name": "a/b"}, "targets.0.name: got 'a/b': string should match"),
     "about nobody": ({"tracked": "lee"}, "tracked: unknown person 'lee'; did you mean 'lea'"),
     "a speed without a path": ({"targets.1.speed_m_s": 1.0}, "has no path_m: it is somebody who is there"),
-    "one point": ({"targets.0.path_m": [[3.0, 0.0]]}, "path_m must have at least 2 points, got 1"),
+    "one point": ({"targets.0.path_m": [[3.0, 0.0]]}, "path_m must have at least 2 different points, got 1"),
     "a seat": ({"targets.0.actions": [{"kind": "sit", "at_s": 1.0}]}, "a further target has no seat to sit on"),
     "hands full": (
         {"targets.0.actions": [{"kind": "bend", "at_s": 1.0, "picks_up": "bag"}]},

@@ -21,7 +21,6 @@ from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.render.segmentation import Segmenter
 from pftrack_sim.scenario.axes import DistortionAxis
-from pftrack_sim.scenario.model import Jitter
 from pftrack_sim.scene.layout import PEOPLE_GROUP, SCENERY_GROUP
 from pftrack_sim.simulation.world import World
 from pftrack_sim.truth.observer import TruthObserver
@@ -41,7 +40,7 @@ CAMERAS = {
 }
 """Camera matrix, coefficients, and places of a ball in view, to the left and up, 4 m ahead."""
 POLES = {"pole": [4.0, 0.0, 0.0], "ball": [-9.0, 0.0, 0.0], "both": [2.5, 0.05, 0.0]}
-STILL = CameraShake.band_limited(Jitter(), np.random.default_rng(0))
+STILL = CameraShake.band_limited(0.0, 0.0, (1.0, 12.0), np.random.default_rng(0))
 
 
 def facing(yaw: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:

@@ -218,3 +218,11 @@ def test_keys_that_do_not_go_together_are_one_problem_whatever_the_ranges():
 
 def test_a_list_is_asked_for_in_the_words_of_toml():
     assert "target.carries: got '[bag]': input should be a list" in problems_of(minimal(), {"target.carries": "[bag]"})
+
+
+def test_a_uniform_range_of_a_whole_number_is_refused_on_reading():
+    assert "distractors.count: got 4.12132: input should be a valid integer" in problems_of(
+        minimal(), {"distractors.count": {"uniform": [2, 5]}}
+    )
+    whole = scenario.load(minimal(), {"distractors.count": {"integer": [2, 5]}})
+    assert {whole.resolve(seed).distractors.count for seed in range(30)} == {2, 3, 4, 5}

@@ -115,6 +115,29 @@ def test_a_model_lies_beside_the_scenario_that_names_it(tmp_path: Path):
     assert scenario.load(loaded.tree).tree == loaded.tree
 
 
+def test_a_choice_of_models_has_their_whole_paths_and_a_digest_of_each(tmp_path: Path):
+    (tmp_path / "other").mkdir()
+    paths = [write_map(tmp_path), write_map(tmp_path / "other")]
+    file = tmp_path / "rooms.toml"
+    listed = ["map.yaml", "other/map.yaml"]
+
+    def load() -> scenario.Scenario:
+        file.write_text(
+            f'title = "t"\n[robot.route]\nkind = "still"\n[target]\npath = "auto"\n[place]\nkind = "map"\n'
+            f"model = {{ choice = {listed} }}\n"
+        )
+        return scenario.load(file)
+
+    before = load()
+    assert {before.resolve(seed).place.model for seed in range(20)} == {str(path) for path in paths}
+    assert scenario.load(before.tree).tree == before.tree
+    write_map(tmp_path / "other", resolution=0.06)
+    assert load().tree["place"]["model_digest"] != before.tree["place"]["model_digest"]
+    listed.append("absent.yaml")
+    with pytest.raises(ScenarioError, match=r"place\.model: no such file: .*absent"):
+        load()
+
+
 @pytest.mark.parametrize("kind", WRITERS)
 def test_a_missing_file_is_named(tmp_path: Path, kind: str):
     with pytest.raises(ScenarioError, match=r"place\.model: no such file: .*absent"):

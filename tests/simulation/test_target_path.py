@@ -50,5 +50,5 @@ def test_where_there_is_no_room_the_longest_way_is_told_with_its_ends():
 
 
 def test_a_path_of_points_needs_two():
-    with pytest.raises(ScenarioError, match=r"at least 2 points, got 1; or set path = 'auto'"):
+    with pytest.raises(ScenarioError, match=r"at least 2 different points, got 1; or set path = 'auto'"):
         scenario.load("corridor", {"target.path_m": [[0, 0]]})

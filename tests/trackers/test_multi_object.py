@@ -125,9 +125,17 @@ def test_short_trajectories_are_noise_and_interrupted_ones_are_joined():
     assert run_chau(alarm) == [[1]] * COUNT
     gap = [[] if 10 <= index < 25 else boxes for index, boxes in enumerate(path)]
     assert run_chau(gap) == [[] if 10 <= index < 25 else [1] for index in range(COUNT)]
+    for missing in (1, 2, 3):
+        early = [[] if index == missing else boxes for index, boxes in enumerate(path)]
+        assert run_chau(early) == [[] if index == missing else [1] for index in range(COUNT)]
     ended = run_chau(gap, memory_frames=5)
     assert ended[-1] == [2]
     assert ended[25] == [], "three matches are asked for"
+
+
+def test_a_detection_out_of_reach_is_another_person_however_little_similarity_is_asked_for():
+    frames = [[boxes_at(0)[0]], [[box + 100.0 * (axis == 0) for axis, box in enumerate(boxes_at(0)[0])]]]
+    assert run_chau(frames, least_similarity=0.0, confirm_frames=1) == [[1], [2]]
 
 
 @pytest.mark.parametrize("other", [(30.0, 75.0), (36.0, 28.0)])

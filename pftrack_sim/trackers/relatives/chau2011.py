@@ -62,10 +62,12 @@ class Chau2011Parameters(Parameters):
 class _Object:
     """One trajectory."""
 
-    def __init__(self, box: Box, colours: FloatArray, params: Chau2011Parameters, identity: int) -> None:
+    def __init__(
+        self, box: Box, colours: FloatArray, params: Chau2011Parameters, identity: int, confirmed: bool
+    ) -> None:
         self._params = params
-        self.identity, self.colours = identity, colours
-        self.matches, self.missed = 1, 0
+        self.identity, self.colours, self._confirmed = identity, colours, confirmed
+        self._matches, self.missed = 1, 0
         self._filter = cv2.KalmanFilter(8, 4, 0, cv2.CV_64F)
         self._filter.transitionMatrix = np.eye(8) + np.eye(8, k=4)
         self._filter.measurementMatrix = np.eye(4, 8)
@@ -92,8 +94,13 @@ class _Object:
         """Take a detection as this object."""
         self._filter.correct(to_states(box)[:, None])
         self.colours = (1.0 - self._params.colour_rate) * self.colours + self._params.colour_rate * colours
-        self.matches += 1
+        self._matches += 1
         self.missed = 0
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether it is no noise: it was there from the first frame on, or was matched often enough."""
+        return self._confirmed or self._matches >= self._params.confirm_frames
 
     @property
     def box(self) -> Box:
@@ -127,15 +134,15 @@ class Chau2011:
         rows, columns = linear_sum_assignment(-similarity)
         matched: set[int] = set()
         for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
-            if similarity[row, column] >= self.params.least_similarity:
+            if 0.0 < similarity[row, column] >= self.params.least_similarity:  # 0: out of reach
                 self._objects[row].correct(found[column], colours[column])
                 matched.add(column)
         for column, box in enumerate(found):
             if column not in matched:
                 self._count += 1
-                self._objects.append(_Object(box, colours[column], self.params, self._count))
+                self._objects.append(_Object(box, colours[column], self.params, self._count, self._frame == 0))
         self._objects = [one for one in self._objects if self._goes_on(one)]
-        shown = [one for one in self._objects if one.missed == 0 and self._confirmed(one)]
+        shown = [one for one in self._objects if one.missed == 0 and one.confirmed]
         boxes = np.array([one.box for one in shown]).reshape(-1, 4)
         return TrackedBoxes(boxes, np.array([one.identity for one in shown], dtype=np.int64))
 
@@ -155,12 +162,9 @@ class Chau2011:
         weights = [params.distance_weight, params.area_weight, params.shape_weight, params.colour_weight]
         return float(np.dot(weights, similarities)) / max(sum(weights), 1e-9)
 
-    def _confirmed(self, one: _Object) -> bool:
-        return one.matches >= self.params.confirm_frames or one.matches > self._frame
-
     def _goes_on(self, one: _Object) -> bool:
         """The trajectory filter: noise ends with its first miss, others after `memory_frames`."""
-        return one.missed == 0 or (self._confirmed(one) and one.missed <= self.params.memory_frames)
+        return one.missed == 0 or (one.confirmed and one.missed <= self.params.memory_frames)
 
 
 def _ratio(first: float, second: float) -> float:
