@@ -65,7 +65,7 @@ def on_page_content(html: str, page: Any, **_: Any) -> str:
         if not path.is_relative_to(PICTURES):
             return found[0]
         if path.suffix == ".svg":
-            box = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', path.read_text(encoding="utf-8"))
+            box = re.search(r'viewBox="[-\d.]+ [-\d.]+ ([\d.]+) ([\d.]+)"', path.read_text(encoding="utf-8"))
             width, height = box.groups() if box else ("", "")
         else:
             with PIL.Image.open(path) as picture:

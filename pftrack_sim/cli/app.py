@@ -16,7 +16,7 @@ from typer.core import TyperCommand
 from pftrack_sim.cli import authoring, datasets, limits, measuring, options, reading, running, tables
 from pftrack_sim.cli.examples import epilog
 from pftrack_sim.cli.progress import progress_bar
-from pftrack_sim.cli.values import parse_settings, parse_trackers
+from pftrack_sim.cli.values import check_output, parse_settings, parse_trackers
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 
 app = typer.Typer(
@@ -104,7 +104,7 @@ def render(
     scenario: options.ScenarioName,
     seed: options.EpisodeSeed = 0,
     video: Annotated[Path | None, typer.Option(help="MP4 to write.")] = None,
-    image: Annotated[Path | None, typer.Option(help="PNG to write: one frame.")] = None,
+    image: Annotated[Path | None, typer.Option(help="PNG or JPEG to write: one frame.")] = None,
     log: Annotated[Path | None, typer.Option(help="Log to write: .rrd (Rerun) or .mcap (ROS 2).")] = None,
     at_s: Annotated[float, typer.Option(min=0.0, help="Time of the frame for --image.")] = 0.0,
     truth: Annotated[bool, typer.Option("--truth", help="Draw the true boxes.")] = False,
@@ -160,6 +160,7 @@ def schema(
     if out is None:
         typer.echo(text, nl=False)
     else:
+        check_output("the schema", out, (".json",))
         out.write_text(text, encoding="utf-8")
 
 

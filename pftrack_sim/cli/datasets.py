@@ -67,7 +67,7 @@ def export(
         overrides=parse_settings(settings or []),
     )
     kinds = parse_names(maps) if maps is not None else []
-    with progress_bar("writing sequences", plan.episode_count) as tick:
+    with progress_bar("writing sequences", plan.episode_count, resumes=True) as tick:
         export_plan(
             plan,
             out,

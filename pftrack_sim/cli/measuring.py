@@ -9,6 +9,7 @@ import typer
 
 from pftrack_sim.cli import tables
 from pftrack_sim.cli.progress import progress_bar
+from pftrack_sim.cli.values import check_output
 from pftrack_sim.core.errors import ParameterError
 
 
@@ -42,6 +43,8 @@ def measure(
     from pftrack_sim.measuring.video import measure_video
     from pftrack_sim.report.tables import Table
 
+    if out is not None:
+        check_output("--out", out, (".toml",), material)
     given = {"--calibration": calibration, "--fovy-deg": fovy_deg, "--rate-hz": rate_hz}
     if is_imu(material):
         if wrong := [name for name, value in given.items() if value is not None]:

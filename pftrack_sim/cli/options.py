@@ -72,7 +72,10 @@ BoxNoise = Annotated[
     ),
 ]
 Starts = Annotated[
-    int, typer.Option(min=1, metavar="K", help="They start at K moments, a K-th of the episode apart (OTB's TRE).")
+    int,
+    typer.Option(
+        min=1, max=10_000, metavar="K", help="They start at K moments, a K-th of the episode apart (OTB's TRE)."
+    ),
 ]
 Workers = Annotated[int, typer.Option(min=0, show_default=False, help="Worker processes; default: one per core.")]
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -113,6 +116,7 @@ class RunOptions:
         int | None,
         typer.Option(
             min=2,
+            max=10_000,
             metavar="K",
             help="They start at K moments from the first to the last frame, and run forward from those of the first "
             "half and backward from the others (VOT 2020's anchors, one each 50 frames): accuracy, robustness, EAO.",

@@ -29,8 +29,11 @@ _LINE_EVERY_S = 5.0
 
 
 @contextmanager
-def progress_bar(what: str, total: int) -> Generator[Callable[[], None]]:
-    """Show progress while the block runs: it gets a function to call once for each of `total` units."""
+def progress_bar(what: str, total: int, *, resumes: bool = False) -> Generator[Callable[[], None]]:
+    """Show progress while the block runs: it gets a function to call once for each of `total` units.
+
+    After Ctrl-C it is said how far it came, and, with `resumes`, that the same command goes on.
+    """
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -41,7 +44,12 @@ def progress_bar(what: str, total: int) -> Generator[Callable[[], None]]:
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
         task = shown.add_task(what, total=total)
-        yield lambda: shown.advance(task)
+        try:
+            yield lambda: shown.advance(task)
+        except KeyboardInterrupt:
+            done = f"pftrack-sim: stopped {what}, {shown.tasks[0].completed:g} of {total} are finished"
+            shown.console.print(f"{done}; the same command goes on" if resumes else done, markup=False, soft_wrap=True)
+            raise
 
 
 @contextmanager

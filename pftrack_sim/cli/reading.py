@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 _QUERY_S, _PRINT_S, _QUERY_GB = 110.0, 10.0, 4.0
 """Limits of a query: its time, that of its last value and of printing it, and its memory."""
 
+_LEAST_WIDTH = 6
+"""Where the columns of a query would be narrower, its rows are printed a column a line."""
+
 
 def merge(
     out: Annotated[Path, typer.Argument(help="Run folder to make, or to add to.")],
@@ -87,6 +90,10 @@ def _print_query(answer: QueryResult, layout: str) -> None:
     elif layout == "json":
         for row in answer.rows:
             print(json.dumps(dict(zip(answer.columns, row, strict=True)), default=str))  # noqa: T201
+    elif layout == "table" and len(answer.columns) * _LEAST_WIDTH > tables.console.width:
+        for row in answer.rows:
+            pairs = zip(answer.columns, map(_cell, row), strict=True)
+            tables.print_lines(["", *(f"{head}: {cell}" for head, cell in pairs)])
     elif layout == "table":
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
         for place, head in enumerate(answer.columns):

@@ -13,7 +13,15 @@ from pftrack_sim.cli import options, tables
 from pftrack_sim.cli.options import RunOptions, with_run_options
 from pftrack_sim.cli.progress import progress_bar, show_run
 from pftrack_sim.cli.reading import write_page
-from pftrack_sim.cli.values import parse_latency, parse_names, parse_part, parse_search, parse_settings, parse_trackers
+from pftrack_sim.cli.values import (
+    check_output,
+    parse_latency,
+    parse_names,
+    parse_part,
+    parse_search,
+    parse_settings,
+    parse_trackers,
+)
 from pftrack_sim.core.errors import ParameterError, RunError
 
 if TYPE_CHECKING:
@@ -21,6 +29,7 @@ if TYPE_CHECKING:
     from pftrack_sim.benchmark.running.frame_cache import FrameCache
     from pftrack_sim.studio.recording import Source
 
+MAX_CACHE_GB = 1e6
 _WORST = 5
 
 
@@ -48,6 +57,8 @@ def bench(
     from pftrack_sim.benchmark.running.frame_cache import FrameCache
     from pftrack_sim.core.data_files import cache_dir
 
+    if not 0.0 <= cache_gb <= MAX_CACHE_GB:
+        raise ParameterError(f"--cache-gb must be 0 to {MAX_CACHE_GB:g}, got {cache_gb:g}")
     kept = FrameCache(cache_folder or cache_dir() / "frames", round(cache_gb * 1e9)) if cache or cache_folder else None
     _run(*_searched(scenarios, run, kept), kept)
 
@@ -282,6 +293,8 @@ def evaluate(
 
     contestants = parse_trackers(tracker, preset, params or [], allow_truth)
     chosen = parse_seeds(seeds)
+    if video is not None and video.suffix:
+        check_output("--video", video, (".mp4",), *sequences)
     boxes = given_boxes(box) if box is not None else None
     named = parse_names(topics) if topics else ()
     read = [one for path in sequences for one in read_sequences(path, layout, named, boxes)]

@@ -103,8 +103,8 @@ def _print_episodes(results: Sequence[Result]) -> None:
         scored = {one.label: one for one in own}
         cells = [number_text(own[0].number(name), 0 if name == "frames" else 3) for name in shared]
         cells += [
-            number_text(scored[tracker].number("mean_overlap")) + (" !" if scored[tracker].error else "")
-            for tracker in trackers
+            number_text(one.number("mean_overlap")) + (" !" if one.error else "") if one is not None else "-"
+            for one in map(scored.get, trackers)
         ]
         rows.append([scenario, condition, str(seed), *cells])
     title = "Mean overlap per episode (frames in which the target is visible)"

@@ -6,6 +6,7 @@ import itertools
 import re
 import tomllib
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
@@ -140,6 +141,14 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = (), allow_trut
             )
             for name, chosen, params in found
         ]
+
+
+def check_output(option: str, out: Path, suffixes: Sequence[str], *read: Path) -> None:
+    """Raise ParameterError for a file of another kind, or for one that is read: writing it would destroy it."""
+    if out.suffix.lower() not in suffixes:
+        raise ParameterError(f"{option} is a {' or '.join(suffixes)} file, got {out.name!r}")
+    if any(out.resolve() == one.resolve() for one in read):
+        raise ParameterError(f"{option} is what is read, {out}: name another file")
 
 
 def parse_part(text: str) -> tuple[int, int]:

@@ -107,5 +107,5 @@ def did_you_mean(given: str, allowed: Iterable[str]) -> str:
     """
     if len(given) > _LONGEST_NAME:
         return ""
-    near = difflib.get_close_matches(given, list(allowed), n=1, cutoff=0.5)
+    near = difflib.get_close_matches(given, list(allowed), n=1, cutoff=0.6)
     return f"; did you mean {near[0]!r}?" if near else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -15,7 +16,7 @@ from pftrack_sim import score
 from pftrack_sim.benchmark import Result, RunStore
 from pftrack_sim.benchmark.datasets.results import Scored, ScoredResult
 from pftrack_sim.benchmark.reading.losses import EVER_TRACKED, LOSS, TAGS, tag_title
-from pftrack_sim.benchmark.reading.summary import by_seed
+from pftrack_sim.benchmark.reading.summary import by_seed, paired_by_seed
 from pftrack_sim.benchmark.said.degradation import degradation, levels_of
 from pftrack_sim.core.palette import GREY, STAY, Style, styles_of
 from pftrack_sim.core.types import BoolArray, FloatArray, IntArray
@@ -117,7 +118,12 @@ def read_frames(store: RunStore, results: Iterable[Result]) -> dict[str, Tracker
 
 def by_episode(results: Iterable[Result]) -> dict[tuple[str, str, int], list[Result]]:
     """Results by scenario, condition and seed."""
-    return grouped(results, lambda one: (one.scenario, one.condition.name, one.seed))
+    return grouped(results, cell_of)
+
+
+def cell_of(one: Result) -> tuple[str, str, int]:
+    """Scenario, condition and seed of a result."""
+    return one.scenario, one.condition.name, one.seed
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,14 +291,16 @@ def _entry(seed: int, rate_hz: float, frames: TrackerFrames) -> dict[str, Any]:
 
 
 def _matrix(results: Sequence[Result], trackers: Sequence[str]) -> list[dict[str, Any]]:
-    """Wins and differences in mean overlap of each pair of trackers, paired by seed."""
-    found = {
-        name: by_seed((one.seed, one.number("mean_overlap")) for one in results if one.label == name)
-        for name in trackers
-    }
-    seeds = sorted({seed for own in found.values() for seed in own})
-    scores = {name: [own.get(seed, math.nan) for seed in seeds] for name, own in found.items()}
-    return _pairs(score.compare(scores, (0.0, 1.0)), trackers)
+    """Differences in mean overlap of each pair of trackers over the episodes of both, paired by seed."""
+    found = {name: {cell_of(one): one for one in results if one.label == name} for name in trackers}
+
+    def scores(name: str, other: str) -> dict[int, float]:
+        common = found[name].keys() & found[other].keys()
+        return by_seed((found[name][cell].seed, found[name][cell].number("mean_overlap")) for cell in sorted(common))
+
+    pairs = list(itertools.combinations(trackers, 2))
+    differences = score.corrected([paired_by_seed(scores(*pair), scores(*pair[::-1])) for pair in pairs])
+    return _pairs([Comparison(*pair, one) for pair, one in zip(pairs, differences, strict=True)], trackers)
 
 
 def _pairs(compared: Sequence[Comparison], trackers: Sequence[str]) -> list[dict[str, Any]]:

@@ -145,18 +145,23 @@ def margin_text(one: Limit, level: Level) -> str:
     if level.level <= 0.0:
         return "nothing was measured"
     if one.verdict == "never breaks within the range":
-        return f"above {one.range[1] / level.high:.2g}"
+        return f"above {_two_digits(one.range[1] / level.high)}"
     if one.breaking_point is None or one.verdict != "breaks":
         ceiling = one.high if one.verdict in ("breaks", "breaks below the lowest level") else None
-        return "-" if ceiling is None or level.low <= 0.0 else f"below {ceiling / level.low:.2g}"
+        return "-" if ceiling is None or level.low <= 0.0 else f"below {_two_digits(ceiling / level.low)}"
     ratio = one.breaking_point / level.level
     below = above = math.inf
     if one.low is not None:
         below = math.hypot(math.log(one.breaking_point / one.low), math.log(level.high / level.level))
     if one.high is not None and level.low > 0.0:
         above = math.hypot(math.log(one.high / one.breaking_point), math.log(level.level / level.low))
-    ends = f"{ratio * math.exp(-below):.2g} to {'any' if math.isinf(above) else f'{ratio * math.exp(above):.2g}'}"
-    return f"{ratio:.2g} ({ends})"
+    end = "any" if math.isinf(above) else _two_digits(ratio * math.exp(above))
+    return f"{_two_digits(ratio)} ({_two_digits(ratio * math.exp(-below))} to {end})"
+
+
+def _two_digits(value: float) -> str:
+    """`210` and `0.034`, in no exponents."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def write_limits_page(path: Path, found: Limits, measured: Mapping[str, Level] = _NOTHING) -> Path:

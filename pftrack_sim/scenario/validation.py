@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
@@ -14,6 +15,9 @@ from pftrack_sim.core.errors import did_you_mean
 from pftrack_sim.scenario.extends import KEY
 from pftrack_sim.scenario.model import ResolvedScenario
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted, is_list, is_mapping
+
+_PYTHON = re.compile(r"valid dictionary(?: or instance of \w+)?")
+"""What pydantic calls a table."""
 
 
 def problems(error: ValidationError, tree: Tree, schema: dict[str, Any] | None = None) -> Iterator[str]:
@@ -46,7 +50,7 @@ def problems(error: ValidationError, tree: Tree, schema: dict[str, Any] | None =
             yield f"{dotted(path)}.kind: required key is missing (it selects the kind of this table)"
         else:
             message = found["msg"].removeprefix("Value error, ")
-            message = message[:1].lower() + message[1:].replace("valid tuple", "list")
+            message = message[:1].lower() + _PYTHON.sub("table", message[1:].replace("valid tuple", "list"))
             # Of a whole table the message says itself which of its keys do not go together.
             got = "" if isinstance(given, Mapping) else f"got {_short(given)}: "
             yield f"{dotted(path)}: {got}{message}" if path else message

@@ -9,7 +9,7 @@ import pytest
 from pftrack_sim.benchmark import RunStore, TrackerSpec, make_plan, run
 from pftrack_sim.benchmark.datasets.export import export
 from pftrack_sim.benchmark.datasets.results import export_results, score_results
-from pftrack_sim.core.errors import RunError, SequenceError
+from pftrack_sim.core.errors import ParameterError, RunError, SequenceError
 from pftrack_sim.formats.results import RESULT_FORMATS
 from tests.benchmark.small import SMALL
 from tests.cli.test_cli import pftrack_sim
@@ -63,6 +63,11 @@ def test_only_finished_runs_in_open_loop_have_results(tmp_path: Path, finished: 
         export_results(store, tmp_path / "out", "otb")
     with RunStore.begin(tmp_path / "begun", finished.plan) as store, pytest.raises(RunError, match="is not finished"):
         export_results(store, tmp_path / "out", "otb")
+    late = make_plan(["corridor"], ["stay"], [0], axes={"start": [0.0, 0.5]})
+    with RunStore.begin(tmp_path / "late", late) as store, pytest.raises(RunError, match="is not finished"):
+        export_results(store, tmp_path / "out", "otb")
+    with pytest.raises(ParameterError, match="whole sequences, shown forward: leave out --starts"):
+        export(late, tmp_path / "out", "otb")
     assert not (tmp_path / "out").exists()
     done = pftrack_sim("export-results", str(finished.path), "--format", "got10", "--out", str(tmp_path / "out"))
     assert done.returncode == 2

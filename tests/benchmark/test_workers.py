@@ -10,7 +10,7 @@ from pathlib import Path
 import duckdb
 import pytest
 
-from pftrack_sim.benchmark import Plan, RunStore, run
+from pftrack_sim.benchmark import Plan, RunStore, join_plans, make_plan, run
 from pftrack_sim.benchmark.kept import folder
 from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.benchmark.reading.merge import merge
@@ -18,7 +18,7 @@ from pftrack_sim.benchmark.running.episode import EpisodeJob
 from pftrack_sim.benchmark.running.executor import LocalExecutor, WorkerContext
 from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core.errors import ParameterError, RunError
-from tests.benchmark.small import contents, small_plan
+from tests.benchmark.small import SMALL, contents, small_plan
 
 
 @pytest.fixture(scope="module")
@@ -212,6 +212,18 @@ def test_tables_are_written(one: RunStore):
     latex = (one.path / "tables/trackers.tex").read_text()
     assert f"ko2012 & 5 & 5 & {mean:.3f} ({low:.3f} to {high:.3f}) & " in latex
     assert r"tracker & episodes & seeds & mean overlap (95 \% interval over seeds) & " in latex
+
+
+def test_the_mean_of_a_table_is_the_one_of_its_interval_where_places_have_other_seeds(tmp_path: Path):
+    plans = [
+        make_plan([name], ["ncc"], range(count), overrides=SMALL) for name, count in (("corridor", 6), ("hall", 2))
+    ]
+    store = run(join_plans(plans), tmp_path / "run", videos="none")
+    by_seed = store.query("SELECT avg(mean_overlap) AS one FROM summary GROUP BY seed").rows
+    expected = sum(row[0] for row in by_seed) / 6
+    told = (store.path / "tables/trackers.csv").read_text().splitlines()[1].split(",")
+    assert float(told[3]) == pytest.approx(expected)
+    assert float(told[3]) != pytest.approx(sum(one.number("mean_overlap") for one in store.results) / 8)
 
 
 @pytest.mark.parametrize("busy", [pytest.param(True, marks=pytest.mark.slow), False], ids=["busy", "starting"])

@@ -17,6 +17,7 @@ from rich.console import Console
 
 from pftrack_sim import score
 from pftrack_sim.benchmark import RunStore
+from pftrack_sim.benchmark.limits.success import parse_success
 from pftrack_sim.benchmark.reading.failures import CAUSES
 from pftrack_sim.cli import main, tables
 from pftrack_sim.report.tables import Table
@@ -110,7 +111,18 @@ def test_bench_prints_tables_and_leaves_a_folder(tmp_path: Path):
 def test_failed_drives_are_filmed_and_have_causes(tmp_path: Path):
     out, size = tmp_path / "run", ["--set", "camera.width_px=80", "--set", "camera.height_px=60"]
     command = ["follow", "follow/corridor", "--trackers", "stay,oracle", "--seeds", "0", "--videos", "none", *HERE]
-    done = pftrack_sim(*command, *size, "--set", "duration_s=8", "--set", "camera.rate_hz=10", "--out", str(out))
+    done = pftrack_sim(
+        *command,
+        *size,
+        "--set",
+        "duration_s=8",
+        "--set",
+        "camera.rate_hz=10",
+        "--set",
+        "follow.lost_after_s=1",
+        "--out",
+        str(out),
+    )
     assert done.returncode == 0, done.stderr
     assert "Drives that failed, by cause" in done.stdout
     filmed = pftrack_sim("film", str(out), "--failed")
@@ -122,6 +134,23 @@ def test_failed_drives_are_filmed_and_have_causes(tmp_path: Path):
     assert "oracle" not in filmed.stdout
     asked = pftrack_sim("query", str(out), "SELECT label, cause FROM failures", "--format", "csv")
     assert asked.stdout.splitlines()[1].startswith("stay+servo-avoid,")
+    whole = pftrack_sim("query", str(out), "FROM summary LIMIT 1").stdout
+    assert "\nlabel: stay+servo-avoid\n" in whole, "too many columns for a table"
+    outcomes = parse_success("overlap >= 0.0001 for 1 % of the episode", "follow").outcomes(RunStore(out))
+    ended = {one.label: one.values["outcome"] for one in RunStore(out).results}
+    assert ended["stay+servo-avoid"] != "finished", "or else nothing is shown here"
+    assert {cell[3]: good for cell, good in outcomes.items()} == {
+        "stay+servo-avoid": False,
+        "oracle+servo-avoid": ended["oracle+servo-avoid"] == "finished",
+    }
+
+
+@pytest.mark.slow
+def test_a_part_of_a_run_in_closed_loop_is_printed(tmp_path: Path):
+    command = ["follow", "plaza-walk", "--trackers", "oracle,stay", "--seeds", "0:2", "--videos", "none", *HERE, *SMALL]
+    for part in ("1/4", "2/4"):
+        done = pftrack_sim(*command, "--part", part, "--out", str(tmp_path / part[0]))
+        assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.slow
@@ -284,7 +313,7 @@ def test_a_tracker_that_needs_what_is_not_there_says_so(tmp_path: Path):
         (["ko2021"], "did you mean 'ko2012'"),
         (["ko2012,stay", "--param", "ko2012.aplha=0.1"], "did you mean 'alpha'"),
         (["ko2012,stay", "--param", "alpha=0.1"], "stay: alpha: unknown key (value 0.1) (allowed: none)"),
-        (["stay", "--video", f"{square}/groundtruth_rect.txt"], "neither a folder nor a name that ends in .mp4"),
+        (["stay", "--video", f"{square}/groundtruth_rect.txt"], "--video is a .mp4 file, got 'groundtruth_rect.txt'"),
     ):
         done = pftrack_sim("evaluate", square, "--tracker", *given)
         assert done.returncode == 2
@@ -426,7 +455,26 @@ WRONG = [
     (["bench", "plaza-walk", "--part", "3/2"], "part must be K/N"),
     (["bench", "plaza-walk", "--progress", "loud"], "progress must be one of"),
     (["bench", "plaza-walk", "--isolation", "some"], "isolation must be one of"),
-    (["bench", "plaza-walk", "--frame-limit-s", "0"], "time limit must be > 0"),
+    (["bench", "plaza-walk", "--frame-limit-s", "0"], "time limit must be above 0"),
+    (["bench", "plaza-walk", "--frame-limit-s", "inf"], "time limit must be above 0 and at most"),
+    (["bench", "plaza-walk", "--memory-limit-mb", "1e300"], "memory limit 0 to 1e+09 MB"),
+    (["bench", "plaza-walk", "--cache", "--cache-gb", "nan"], "--cache-gb must be 0 to 1e+06, got nan"),
+    (["bench", "plaza-walk", "--starts", "9999999999999"], "10000"),
+    (["bench", "plaza-walk", "--anchors", "9999999999999"], "10000"),
+    (["bench", "plaza-walk", "--seeds", "5:5"], "seeds 5:5 are none"),
+    (["bench", "plaza-walk", "--axis", "jitter=0,0"], "scenario given twice: plaza-walk jitter=0"),
+    (
+        ["bench", "plaza-walk", "--axis", "jitter=0,nan"],
+        "levels of the axis jitter must be finite numbers, got 0.0, nan",
+    ),
+    (["bench", "plaza-walk", "--set", "camera=3"], "camera: got 3: input should be a table"),
+    (["follow", "follow/plaza", "--latency", "oracle=20000"], "a latency must be 0 to 10000 ms, got 20000"),
+    (["follow", "follow/plaza", "--axis", "latency=1e9"], "a latency must be 0 to 10000 ms, got 1e+09"),
+    (["schema", "my.mp4"], "the schema is a .json file, got 'my.mp4'"),
+    (["measure", "a.mp4", "--out", "a.mp4"], "--out is a .toml file, got 'a.mp4'"),
+    (["measure", "a.toml", "--out", "./a.toml"], "--out is what is read, a.toml: name another file"),
+    (["evaluate", "a.mp4", "--video", "./a.mp4"], "--video is what is read, a.mp4: name another file"),
+    (["evaluate", "a.mp4", "--video", "b.xyz"], "--video is a .mp4 file, got 'b.xyz'"),
     (["check", "absent-folder"], "absent-folder is not a run folder"),
     (["query", "absent-folder", "SELECT 1"], "absent-folder is not a run folder"),
     (["merge", "out", "absent-folder"], "absent-folder is not a run folder"),

@@ -11,10 +11,11 @@ import pytest
 from small_report import HOSTILE, SMALL
 
 from pftrack_sim import report, score
-from pftrack_sim.benchmark import RunStore, make_plan, run
+from pftrack_sim.benchmark import Result, RunStore, make_plan, run
+from pftrack_sim.benchmark.asked.plan import Condition, TrackerSpec
 from pftrack_sim.benchmark.kept.checksums import Checksums
 from pftrack_sim.core.errors import RunError
-from pftrack_sim.report.contents import MEASURES, contents
+from pftrack_sim.report.contents import MEASURES, _matrix, contents
 
 
 def test_rows_and_curves_are_those_of_the_folder(finished: Path):
@@ -75,6 +76,18 @@ def test_the_matrix_is_paired_by_seed(finished: Path):
     assert (pair["one"], pair["other"], pair["seeds"]) == (0, 1, 2)
     assert pair["difference"] > 0
     assert not any(pair["shown"] for pair in matrix), "two seeds prove nothing"
+
+
+def test_the_matrix_pairs_episodes_that_both_trackers_have():
+    scores = {("easy", 0): 0.8, ("hard", 0): 0.2, ("easy", 1): 0.7, ("hard", 1): 0.3, ("easy", 2): 0.9}
+    results = [
+        Result(TrackerSpec(name=name), place, Condition(), seed, {"mean_overlap": value})
+        for name in ("old", "new")
+        for (place, seed), value in scores.items()
+        if name == "old" or place == "easy"  # the hard ones of the other have not run yet
+    ]
+    (pair,) = _matrix(results, ["old", "new"])
+    assert (pair["difference"], pair["seeds"]) == (0.0, 3)
 
 
 def test_no_name_ends_the_script_or_becomes_markup(hostile: Path):

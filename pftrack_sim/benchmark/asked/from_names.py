@@ -44,6 +44,7 @@ SEEDS = tuple(range(5))
 
 MAX_BOX_NOISE = 0.5
 MAX_CONDITIONS = 10_000
+MAX_LATENCY_MS = 10_000.0
 MAX_SEEDS = 1_000_000
 _MAX_DIGITS = 18
 
@@ -189,8 +190,8 @@ def match_trackers(keys: Mapping[str, object], trackers: Sequence[TrackerSpec]) 
 def check_run_axis(axis: str, levels: Iterable[float]) -> None:
     """Raise ParameterError for a level that one of `RUN_AXES` cannot have."""
     for level in levels:
-        if axis == LATENCY and not (math.isfinite(level) and level >= 0.0):
-            raise ParameterError(f"a latency must be 0 ms or more, got {level!r}")
+        if axis == LATENCY and not 0.0 <= level <= MAX_LATENCY_MS:
+            raise ParameterError(f"a latency must be 0 to {MAX_LATENCY_MS:g} ms, got {level:g}")
         if axis == BOX_NOISE and not 0.0 <= level <= MAX_BOX_NOISE:
             raise ParameterError(f"box noise must be a share of the sides in [0, {MAX_BOX_NOISE}], got {level:g}")
         if axis == START and not -1.0 <= level < 1.0:
@@ -317,7 +318,9 @@ def parse_seeds(text: str) -> list[int]:
         if match and max(len(number) for number in match.groups() if number) > _MAX_DIGITS:
             raise ParameterError(f"a seed has at most {_MAX_DIGITS} digits")
         span = range(int(match[1]), int(match[2] or int(match[1]) + 1)) if match else range(0)
-        if not span:
+        if match and not span:
+            raise ParameterError(f"seeds {part.strip()} are none: the second number is excluded")
+        if not match:
             raise ParameterError(f"seeds are written 3, 0:20 (20 excluded) or 1,5,9; got {one_line(text, 60)!r}")
         if len(seeds) + len(span) > MAX_SEEDS:
             raise ParameterError(f"at most {MAX_SEEDS} seeds are run, got {len(seeds) + len(span)}")
@@ -355,5 +358,8 @@ def _conditions(axes: Mapping[str, Sequence[float]], variant: str) -> Iterator[C
     count = math.prod(len(levels) for levels in axes.values())
     if count > MAX_CONDITIONS:
         raise ParameterError(f"the levels of the axes make {count} conditions: at most {MAX_CONDITIONS} are run")
+    for axis, levels in axes.items():
+        if not all(map(math.isfinite, levels)):
+            raise ParameterError(f"levels of the axis {axis} must be finite numbers, got {', '.join(map(str, levels))}")
     for levels in itertools.product(*axes.values()):
         yield Condition(levels=tuple(zip(axes, (float(level) for level in levels), strict=True)), variant=variant)

@@ -350,7 +350,7 @@ class Plan(Section):
         seeds = [_repeated(sweep.seeds) for sweep in self.sweeps]
         given = {
             "seed": ([seed for sweep in self.sweeps for seed in sweep.seeds], list(itertools.chain(*seeds))),
-            "scenario": (cells, [name for name, _, _ in _repeated(cells)]),
+            "scenario": (cells, [f"{name} {what}".removesuffix(" base") for name, what, _ in _repeated(cells)]),
             "tracker": (self.labels, _repeated(self.labels)),
         }
         for kind, (all_of_them, repeated) in given.items():

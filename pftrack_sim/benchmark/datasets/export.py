@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import pftrack_sim
 from pftrack_sim.benchmark import keys
-from pftrack_sim.benchmark.asked.plan import Episode, Plan
+from pftrack_sim.benchmark.asked.plan import START, Episode, Plan
 from pftrack_sim.benchmark.datasets.sequence_writer import QUALITIES, ExportJob, ImageFormat, export_sequence
 from pftrack_sim.benchmark.kept.files import atomic_write, write_bytes
 from pftrack_sim.benchmark.running.executor import WorkerContext, prepare_worker
@@ -133,12 +133,20 @@ def _check_sizes(plan: Plan) -> None:
 
 
 def sequence_names(plan: Plan) -> list[str]:
-    """Names of the sequences of a plan's episodes, in their order: `plaza-walk-0003`, `corridor-jitter-2-0000`."""
+    """Names of the sequences of a plan's episodes, in their order: `plaza-walk-0003`, `corridor-jitter-2-0000`.
+
+    Raises:
+        ParameterError: Its trackers start elsewhere than in the first frame.
+    """
 
     def name(episode: Episode) -> str:
         condition = "" if episode.condition.name == "base" else f"-{episode.condition.name}"
         return f"{episode.spec.name}{condition}-{episode.seed:04d}"
 
+    if any(START in condition.of_run for condition in plan.conditions.values()):
+        raise ParameterError(
+            "a data set has whole sequences, shown forward: leave out --starts, --anchors and the axis start"
+        )
     return list(keys.distinct_slugs(name(episode) for episode in plan.episodes()).values())
 
 

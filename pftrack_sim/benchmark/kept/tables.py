@@ -149,7 +149,10 @@ def _read_chunk(files: Mapping[Path, AskedResult]) -> Iterator[tuple[AskedResult
         with duckdb.connect() as database, query_deadline(database):
             found = {Path(name): value for name, value in database.execute(query).fetchall()}
     except duckdb.Error as error:
-        raise RunError(f"not a result's table: {one_line(str(error))}") from None
+        raise RunError(
+            f"not a result's table: {one_line(str(error))}; pftrack-sim check lists what is damaged, and what is "
+            "deleted the same command makes again"
+        ) from None
     for path, asked in files.items():
         try:
             metadata: object = parse_json(found.get(path, b""))

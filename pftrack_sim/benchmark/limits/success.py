@@ -21,10 +21,16 @@ MEASURES: Mapping[str, str] = MappingProxyType({"overlap": ">=", "centre_error_p
 
 _FORM = re.compile(r"(\w+)\s*(>=|<=|[<>=]+)\s*(\d+(?:\.\d*)?|\.\d+)\s+for\s+(\d+(?:\.\d*)?)\s*%\s+of\s+the\s+episode")
 _SHARE = """
-SELECT scenario, condition, seed, label, 100 * count(*) FILTER ({good}) >= {percent} * count(*)
+WITH ended AS (
+    SELECT scenario, condition, seed, label, coalesce(outcome, 'finished') = 'finished' AS whole FROM summary
+)
+SELECT scenario, condition, seed, label, bool_and(whole) AND 100 * count(*) FILTER ({good}) >= {percent} * count(*)
 FROM (SELECT *, min(frame) FILTER (scored) OVER (PARTITION BY scenario, condition, seed, label) AS first FROM frames)
+JOIN ended USING (scenario, condition, seed, label)
 WHERE scored AND frame > first GROUP BY ALL
 """
+"""A drive that ends early fails: what is missing of the episode cannot be good."""
+
 _FOLLOWED = "SELECT scenario, condition, seed, label, follow_success = 1 FROM summary"
 
 Outcomes: TypeAlias = Mapping[tuple[str, str, int, str], bool]

@@ -213,19 +213,20 @@ def tables_of(database: duckdb.DuckDBPyConnection) -> Iterator[tuple[str, bytes]
             yield f"tables/{name}.csv", csv_text(heads, rows).encode()
             continue
         at = heads.index(_INTERVAL)
-        ends = [_interval(row[at]) for row in rows]
+        means = [_mean(row[at]) for row in rows]
         heads.insert(at + 1, "mean_overlap_high")
-        rows = [(*row[:at], *own, *row[at + 1 :]) for row, own in zip(rows, ends, strict=True)]
+        rows = [(*row[: at - 1], *own, *row[at + 1 :]) for row, own in zip(rows, means, strict=True)]
         yield f"tables/{name}.csv", csv_text(heads, rows).encode()
         ranged = [(*row[: at - 1], _ranged(*row[at - 1 : at + 2]), *row[at + 2 :]) for row in rows]
         shown = [_LATEX_HEADS.get(head, head) for head in heads[:at] + heads[at + 2 :]]
         yield f"tables/{name}.tex", latex(shown, ranged).encode()
 
 
-def _interval(scores: Iterable[tuple[int, float]]) -> tuple[float | None, float | None]:
-    """Ends of the interval of the mean over seeds of scores by seed; None where there is none."""
+def _mean(scores: Iterable[tuple[int, float]]) -> tuple[float | None, float | None, float | None]:
+    """Mean over seeds of scores by seed, and the ends of its interval; None where there is none."""
     found = mean_over_seeds(list(by_seed(scores).values()), bounds_of("mean_overlap"))
-    return (None, None) if math.isnan(found.low) else (found.low, found.high)
+    mean, low, high = (None if math.isnan(one) else one for one in (found.mean, found.low, found.high))
+    return mean, low, high
 
 
 def _ranged(mean: float | None, low: float | None, high: float | None) -> str | float | None:

@@ -38,6 +38,7 @@ _MAX_OUTPUT_BYTES = 2000
 _MAX_PIPE_BYTES = 1 << 20
 _MAX_OPENED, _MAX_NAME = 10_000, 4096
 """Number of files that a tracker may open, and length of a name."""
+_MOST_S, _MOST_MB = 1e6, 1e9
 _END_S = 5.0
 """Time in which a supervisor must report how its tracker ended, and end itself."""
 
@@ -64,9 +65,11 @@ class Limits:
     processes: int = 4096
 
     def __post_init__(self) -> None:
-        if not self.frame_s > 0 or not self.memory_mb >= 0:
-            given = f"{self.frame_s:g} and {self.memory_mb:g}"
-            raise ParameterError(f"the time limit must be > 0 s and the memory limit >= 0 MB, got {given}")
+        if not 0.0 < self.frame_s <= _MOST_S or not 0.0 <= self.memory_mb <= _MOST_MB:
+            raise ParameterError(
+                f"the time limit must be above 0 and at most {_MOST_S:g} s, and the memory limit 0 to {_MOST_MB:g} MB, "
+                f"got {self.frame_s:g} and {self.memory_mb:g}"
+            )
 
 
 @dataclass(frozen=True)
