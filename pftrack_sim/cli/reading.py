@@ -227,9 +227,9 @@ def _play_again(found: Submission, tracker: str | None, workers: int, isolation:
     from pftrack_sim.benchmark.reference.verification import verify
     from pftrack_sim.trackers import is_builtin
 
-    name = found.about.trackers[0].name
-    if not is_builtin(name) and tracker != name:
-        raise ParameterError(f"verifying runs the code of {name}, from here: name it with --tracker {name}")
+    for name in (one.name for one in found.about.trackers):
+        if not is_builtin(name) and tracker != name:
+            raise ParameterError(f"verifying runs the code of {name}, from here: name it with --tracker {name}")
     seed = secrets.randbits(32)  # the submitter cannot predict which episodes are played
     with show_run("", found.path, f"a twentieth of the episodes, by seed {seed}") as on_progress:
         played = verify(found, seed, workers=workers, isolation=isolation, on_progress=on_progress)

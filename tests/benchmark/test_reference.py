@@ -87,6 +87,7 @@ def better(row: dict[str, Any]) -> None:
     stored[counted] += ((250 - stored[counted]) // 5).astype(np.uint8)
     row["overlap"] = stored.tobytes()
     row["mean_overlap"] = float((stored[counted] / 250).mean())
+    row["success"] = float((stored[counted] >= 125).mean())
 
 
 def test_a_submission_holds_every_episode_of_both_loops_and_reads_back(made: dict[str, Submission], tmp_path: Path):
@@ -155,6 +156,33 @@ def test_scores_that_its_frames_do_not_have_are_refused(made: dict[str, Submissi
     one = made["ncc"]
     (said,) = problems(replace(one, rows=one.rows[1:]))
     assert said.startswith("1 episodes are missing")
+    tracked = changed(one, lambda row: row.update(success=1.0 - row["success"]))
+    assert len(problems(tracked)) == 5
+
+
+def test_a_submission_is_of_one_tracker_and_one_code(
+    stores: list[RunStore], made: dict[str, Submission], monkeypatch: pytest.MonkeyPatch
+):
+    opened, driven = made["ncc"].about.trackers
+    other_code = driven.model_copy(update={"code": {**driven.code, "ncc": "0"}})
+    for spec in (made["stay"].about.trackers[1], other_code):
+        about = made["ncc"].about.model_copy(update={"trackers": (opened, spec)})
+        assert any("its parts are of two trackers, or of other code: ncc and" in line
+                   for line in problems(replace(made["ncc"], about=about)))  # fmt: skip
+    monkeypatch.setitem(stores[1].plan.environment, "numba", "0.1")
+    with pytest.raises(RunError, match=r"was run with other code or versions than the other part:\n  numba: "):
+        make_submission(stores, "ncc")
+
+
+@pytest.mark.slow
+def test_no_score_may_be_another_on_the_same_frames(made: dict[str, Submission]):
+    for change in ({"follow_success": 2.0}, {"stay": 0.9}, {"follow_collision": 2.0}):
+        kind = "open" if "stay" in change else "follow"
+        lied = changed(made["stay"], lambda row, kind=kind, change=change: row["kind"] == kind and row.update(change))
+        assert problems(lied) == []
+        found = verify(lied, 1, share=5)
+        assert {one.outcome for one in found.replayed} == {"different", "the same to the bit"}
+        assert not found.good
 
 
 @pytest.mark.slow

@@ -23,7 +23,10 @@ SHARE = 20
 CLOSE = 0.01
 """Difference of mean overlaps on the same frames that another processor may make."""
 
-_COMPARED = ("overlap", "moment", "frames", "mean_overlap", "stay", "success", "follow_success", "follow_collision")
+_SAME = ("moment", "frames", "stay", "outcome", "follow_success", "follow_collision")
+"""What no processor makes another on the same frames: the truth, and in closed loop the drive that drew them."""
+
+_CLOSE = ("mean_overlap", "success")
 
 Outcome: TypeAlias = Literal["the same to the bit", "close", "different", "of other frames"]
 
@@ -121,10 +124,13 @@ def _compared(submitted: Row, here: Row) -> Replayed:
     theirs, ours = (row["mean_overlap"] or 0.0 for row in (submitted, here))
     if submitted["frames_digest"] != here["frames_digest"]:
         outcome: Outcome = "of other frames"
-    elif all(submitted.get(name) == here.get(name) for name in _COMPARED):
+    elif any(submitted.get(name) != here.get(name) for name in _SAME):
+        outcome = "different"
+    elif all(submitted.get(name) == here.get(name) for name in ("overlap", *_CLOSE)):
         outcome = "the same to the bit"
     else:
-        outcome = "close" if abs(theirs - ours) <= CLOSE else "different"
+        apart = max(abs((submitted.get(name) or 0.0) - (here.get(name) or 0.0)) for name in _CLOSE)
+        outcome = "close" if apart <= CLOSE else "different"
     name = " ".join(map(str, cell_of(here)[1:]))
     graphics = str(submitted.get("graphics")), str(here.get("graphics"))
     return Replayed(name, outcome, theirs, ours, graphics)
