@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pftrack_sim.benchmark import Condition, RunStore, make_plan, run
+from pftrack_sim.benchmark import Condition, Plan, RunStore, make_plan, run
 from pftrack_sim.benchmark.asked.from_names import join_plans
 from pftrack_sim.benchmark.said.degradation import STAY, degradation, levels_of, table_rows
+from pftrack_sim.core.errors import RunError
 
 SMALL: dict[str, Any] = {
     "camera.width_px": 64,
@@ -68,6 +69,23 @@ def test_level_zero_is_shared_only_by_equal_scenarios(tmp_path: Path):
         ["easy/corridor"], ["stay"], [0], axes={"noise": (1,)}, overrides={**small, "camera.fovy_deg": 40.0}
     )
     assert degradation(run(join_plans([base, other]), tmp_path / "run", videos="none", workers=0)).curves == ()
+
+
+def test_a_folder_holds_one_scene_of_a_scenario(tmp_path: Path):
+    small = {**SMALL, "duration_s": 0.3, "axes.occlusion.end_s": 6.0}
+
+    def plan(axes: dict[str, list[float]], **more: float) -> Plan:
+        return make_plan(["easy/corridor"], ["stay"], [0], axes=axes, overrides={**small, **more})
+
+    run(plan({}), tmp_path / "run", videos="none")
+    with pytest.raises(RunError, match=r"axes\.noise\.severity: 0\.0 there, 8\.0 asked for"):
+        run(plan({"jitter": [1.0, 2.0]}, **{"axes.noise.severity": 8.0}), tmp_path / "run", videos="none")
+    grown = run(plan({"jitter": [1.0, 2.0]}), tmp_path / "run", videos="none")
+    assert [one.at.level for one in degradation(grown).curves] == [0.0, 1.0, 2.0]
+    noisy = plan({"jitter": [1.0, 2.0]}, **{"axes.noise.severity": 8.0})
+    refreshed = run(noisy, tmp_path / "run", videos="none", refresh=True)
+    assert [one.at.level for one in degradation(refreshed).curves] == [0.0, 1.0, 2.0]
+    assert {one.spec.tree["axes"]["noise"]["severity"] for one in refreshed.plan.episodes()} == {8.0}
 
 
 def test_axes_have_their_own_unit():

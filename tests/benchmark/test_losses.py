@@ -1,6 +1,7 @@
 """Losses begin where the target was tracked last, and carry what the truth says of that moment."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 import duckdb
@@ -140,6 +141,18 @@ def test_a_run_answers_for_its_losses(tmp_path):
     assert all(value > 0.0 for value in nearest)
     with pytest.raises(RunError):
         store.query("SELECT nothing FROM losses")
+
+
+def test_the_given_box_of_a_late_start_has_no_tag(tmp_path: Path):
+    small = {"duration_s": 2.0, "camera.width_px": 64, "camera.height_px": 48, "lights.shadows": False}
+    plan = make_plan(["plaza-walk"], ["ncc"], [0], axes={"start": [0.5], "jitter": [8.0]}, overrides=small)
+    store = run(plan, tmp_path / "run", videos="none")
+    sql = (
+        "SELECT count(*) FILTER (status = 'init' AND fast_motion), avg(overlap) FILTER (status = 'ok' AND fast_motion) "
+    )
+    ((given, mean),) = store.query(f"{sql} FROM moments WHERE scored").rows
+    assert given == 1, "or else nothing is shown here"
+    assert list(overlaps_by_tag(store, "ncc")["fast_motion"].values()) == [mean]
 
 
 def test_losses_are_stated_with_what_they_begin_with_if_it_is_more_than_usual():

@@ -1,6 +1,7 @@
 """Suites are validated, and their claims are tested by intervals over seeds."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,17 @@ def test_claims_hold_fail_or_stay_undecided():
     assert part.difference.low < part.difference.mean < part.difference.high
     assert abs(part.difference.mean - 0.3) < 0.02
     assert part.difference.seeds == 10
+
+
+def test_conditions_that_only_one_tracker_has_do_not_count():
+    claim = {"kind": "beats", "statement": "s", "tracker": "good", "others": ["bad"]}
+    suite = make_suite("t", tree(claims=[claim]))
+    hard = Condition(levels=(("jitter", 4.0),))
+    equal = [replace(one, values={**one.values, "mean_overlap": 0.5}) for one in results()]
+    more = [replace(one, condition=hard, values={**one.values, "mean_overlap": 0.1}) for one in equal
+            if one.label == "bad"]  # fmt: skip
+    (found,) = evaluate_claims(suite, [*equal, *more])
+    assert (found.verdict, found.comparisons[0].difference.mean) == ("undecided", 0.0)
 
 
 def test_no_verdict_below_ten_seeds_and_all_parts_of_all_claims_are_corrected_together():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,6 +16,9 @@ _MOST_LINES = 8
 def united(stored: Plan, asked: Plan, *, running: bool = False) -> Plan:
     """What is stored, and what is asked for besides; of the same name counts what is asked for.
 
+    A scenario that is asked for with settings that none of its stored conditions has counts with these in all of them:
+    an axis whose levels are of two scenes would be no axis.
+
     Every tracker runs in every episode, so that a tracker that is added runs in those that were there too. Where the
     plan will be run, with `running`, trackers that are not asked for count with the code of today.
 
@@ -24,11 +28,18 @@ def united(stored: Plan, asked: Plan, *, running: bool = False) -> Plan:
     if asked.asked.keys() <= stored.asked.keys() and all(suite in stored.suites for suite in asked.suites):
         return stored
     cells: dict[tuple[str, str], tuple[ScenarioSpec, Condition, dict[int, None]]] = {}
+    theirs, mine = _scenes(stored), _scenes(asked)
+    changed = {
+        name: scenes
+        for name, scenes in mine.items()
+        if len(scenes) == 1 and not scenes.keys() & theirs.get(name, {}).keys()
+    }
     for one in (*stored.episodes(), *asked.episodes()):
         key = one.spec.name, one.condition.name
         seeds = cells[key][2] if key in cells else dict[int, None]()
         seeds[one.seed] = None
-        cells[key] = one.spec, one.condition, seeds
+        (spec,) = changed.get((one.spec.name, one.condition.variant), {"": one.spec}).values()
+        cells[key] = spec, one.condition, seeds
     # Conditions of a scenario with the same seeds share a sweep: each holds the scenario's whole content.
     rows: dict[tuple[str, tuple[int, ...]], tuple[ScenarioSpec, list[Condition]]] = {}
     for spec, condition, seeds in cells.values():
@@ -44,6 +55,15 @@ def united(stored: Plan, asked: Plan, *, running: bool = False) -> Plan:
     ]
     suites = stored.suites + tuple(suite for suite in asked.suites if suite not in stored.suites)
     return make_checked_plan(sweeps, (*trackers, *today.values()), suites, asked.truth, asked.environment)
+
+
+def _scenes(plan: Plan) -> dict[tuple[str, str], dict[str, ScenarioSpec]]:
+    """The contents of each scenario by its name and variant, and by their digests."""
+    found: dict[tuple[str, str], dict[str, ScenarioSpec]] = {}
+    for sweep in plan.sweeps:
+        for spec, condition in itertools.product(sweep.scenarios, sweep.conditions):
+            found.setdefault((spec.name, condition.variant), {})[spec.digest] = spec
+    return found
 
 
 def contradictions(asked: Plan, stored: Plan) -> list[str]:

@@ -21,15 +21,13 @@ MEASURES: Mapping[str, str] = MappingProxyType({"overlap": ">=", "centre_error_p
 
 _FORM = re.compile(r"(\w+)\s*(>=|<=|[<>=]+)\s*(\d+(?:\.\d*)?|\.\d+)\s+for\s+(\d+(?:\.\d*)?)\s*%\s+of\s+the\s+episode")
 _SHARE = """
-WITH ended AS (
-    SELECT scenario, condition, seed, label, coalesce(outcome, 'finished') = 'finished' AS whole FROM summary
-)
-SELECT scenario, condition, seed, label, bool_and(whole) AND 100 * count(*) FILTER ({good}) >= {percent} * count(*)
+SELECT scenario, condition, seed, label, bool_and({whole}) AND 100 * count(*) FILTER ({good}) >= {percent} * count(*)
 FROM (SELECT *, min(frame) FILTER (scored) OVER (PARTITION BY scenario, condition, seed, label) AS first FROM frames)
-JOIN ended USING (scenario, condition, seed, label)
+JOIN summary USING (scenario, condition, seed, label)
 WHERE scored AND frame > first GROUP BY ALL
 """
-"""A drive that ends early fails: what is missing of the episode cannot be good."""
+_WHOLE: Mapping[EpisodeKind, str] = MappingProxyType({"open": "true", "follow": "outcome = 'finished'"})
+"""Whether an episode is whole: of a drive that ends early, frames are missing, which cannot be good."""
 
 _FOLLOWED = "SELECT scenario, condition, seed, label, follow_success = 1 FROM summary"
 
@@ -86,5 +84,6 @@ def parse_success(text: str | None, kind: EpisodeKind) -> Success:
     # DuckDB takes NaN for the greatest number.
     good = f"{measure} {sign} {bound} AND NOT isnan({measure})"
     return Success(
-        f"{measure} {sign} {bound} for {percent} % of the episode", _SHARE.format(good=good, percent=percent)
+        f"{measure} {sign} {bound} for {percent} % of the episode",
+        _SHARE.format(good=good, percent=percent, whole=_WHOLE[kind]),
     )

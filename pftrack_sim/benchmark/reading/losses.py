@@ -201,7 +201,7 @@ def overlaps_by_tag(store: RunStore, label: str) -> dict[str, dict[tuple[str, st
     means = ", ".join(f"avg(overlap) FILTER ({name})" for name in TAGS)
     rows = store.query(
         f"SELECT scenario, condition, seed, {means} FROM moments "
-        f"WHERE scored AND frame > 0 AND label = {sql_text(label)} GROUP BY ALL ORDER BY ALL"
+        f"WHERE scored AND status <> 'init' AND label = {sql_text(label)} GROUP BY ALL ORDER BY ALL"
     ).rows
     return {
         tag: {(row[0], row[1], row[2]): row[3 + place] for row in rows if row[3 + place] is not None}

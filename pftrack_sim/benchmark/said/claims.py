@@ -110,15 +110,21 @@ def _reached(values: Sequence[float], value: float) -> SeedMean:
 
 
 class _SeedMeans:
-    """Scores by tracker with its preset, scenario and seed."""
+    """Scores by tracker with its preset, scenario and seed, in the conditions that all of them have there."""
 
     def __init__(self, results: Iterable[Result]) -> None:
         self._results: dict[tuple[str, str, str, int], list[Result]] = {}
+        conditions: dict[tuple[str, int], set[str]] = {}
         for result in results:
             # Suites name trackers without parameters; latency and controller do not distinguish them.
             if not result.tracker.params:
                 key = (result.tracker.name, result.tracker.preset, result.scenario, result.seed)
                 self._results.setdefault(key, []).append(result)
+        for (*_, scenario, seed), own in self._results.items():
+            names = {one.condition.name for one in own}
+            conditions[scenario, seed] = conditions.get((scenario, seed), names) & names
+        for (*_, scenario, seed), own in self._results.items():
+            own[:] = [one for one in own if one.condition.name in conditions[scenario, seed]]
         self.presets = tuple(dict.fromkeys(preset for _, preset, _, _ in self._results)) or ("default",)
 
     def by_seed(

@@ -17,6 +17,7 @@ import numpy as np
 
 from pftrack_sim import score
 from pftrack_sim.benchmark.asked.plan import RUN_AXES, Condition, Episode
+from pftrack_sim.benchmark.keys import digest
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.reading.summary import Result, by_seed
 from pftrack_sim.scenario.axes import axes_by_name
@@ -222,16 +223,25 @@ def table_rows(found: Sequence[Degradation], measure: Measure) -> list[TableRow]
 def _grids(episodes: Mapping[Condition, Episode]) -> list[_Grid]:
     """Levels of every axis of a scenario, rising, with level 0 from another axis where an axis has none.
 
-    Axes that were swept together are one grid of all their combinations.
+    Axes that were swept together are one grid of all their combinations. Conditions of a scenario with other settings,
+    which a grown run may hold, are another grid.
     """
     found: dict[tuple[str, ...], _Grid] = {}
     for condition, episode in episodes.items():
         if (at := levels_of(condition)) and not episode.backward:  # its frames have other numbers
-            found.setdefault(tuple(one.axis for one in at), []).append((at, condition))
+            axes = [one.axis for one in at]
+            own = {name: {**_axis(episode, name), "severity": None} for name in _names(axes)}
+            found.setdefault((*axes, digest(_beside(episode, axes), own)), []).append((at, condition))
     bases = [one for one in episodes if not any(level or "." in axis for axis, level in one.levels)]
     for grid in found.values():
         (first, *others), like = grid[0]
-        equal = [base for base in bases if _without_axes(episodes[base]) == _without_axes(episodes[like])]
+        swept = _names([first.axis])
+        equal = [
+            base
+            for base in bases
+            if _beside(episodes[base], swept) == _beside(episodes[like], swept)
+            and not any(_axis(episodes[base], name).get("severity") for name in swept)
+        ]
         # A parameter has no level that changes nothing.
         if equal and not others and "." not in like.levels[0][0] and all(at.level for (at,), _ in grid):
             grid.append(((replace(first, level=0.0, x=0.0),), equal[0]))
@@ -239,9 +249,21 @@ def _grids(episodes: Mapping[Condition, Episode]) -> list[_Grid]:
     return list(found.values())
 
 
-def _without_axes(episode: Episode) -> dict[str, Any]:
-    """A scenario but for its stress axes, whose parameters mean nothing at severity 0."""
-    return {key: value for key, value in episode.spec.tree.items() if key != "axes"}
+def _names(axes: Iterable[str]) -> set[str]:
+    """Axes of these and of those whose parameters they are."""
+    return {axis.partition(".")[0] for axis in axes}
+
+
+def _axis(episode: Episode, name: str) -> dict[str, Any]:
+    """What a scenario says of an axis; nothing of one of the run."""
+    return episode.spec.tree["axes"].get(name, {})
+
+
+def _beside(episode: Episode, swept: Iterable[str]) -> dict[str, Any]:
+    """A scenario but for axes that are swept and those at severity 0, whose parameters mean nothing."""
+    left_out, tree = _names(swept), episode.spec.tree
+    on = {name: own for name, own in tree["axes"].items() if own.get("severity") and name not in left_out}
+    return {**tree, "axes": on}
 
 
 def _compared_from_s(episode: Episode, seed: int) -> float:
