@@ -17,6 +17,7 @@ SMALL: dict[str, Any] = {
     "camera.rate_hz": 10.0,
     "lights.shadows": False,
     "duration_s": 4.0,
+    "axes.occlusion.severity": 0.0,
     "axes.occlusion.end_s": 2.8,
     "distractors.count": 0,
 }
@@ -86,6 +87,31 @@ def test_a_folder_holds_one_scene_of_a_scenario(tmp_path: Path):
     refreshed = run(noisy, tmp_path / "run", videos="none", refresh=True)
     assert [one.at.level for one in degradation(refreshed).curves] == [0.0, 1.0, 2.0]
     assert {one.spec.tree["axes"]["noise"]["severity"] for one in refreshed.plan.episodes()} == {8.0}
+
+
+@pytest.mark.parametrize(
+    ("settings", "base", "variant"), [("noise", {"noise": (0,)}, ""), ("jitter", {}, "variant"), ("jitter", {}, "")]
+)
+def test_level_zero_is_shared_only_where_the_axes_are_equal(
+    tmp_path: Path, settings: str, base: dict[str, tuple[float, ...]], variant: str
+):
+    """Noise is set in the scenario and off in the base, or jitter is set in both."""
+    small = {**SMALL, "duration_s": 0.3, "axes.occlusion.end_s": 6.0, f"axes.{settings}.severity": 2.0}
+    plans = [
+        make_plan(["easy/corridor"], ["stay"], [0], axes=axes, overrides=small, variant=variant)
+        for axes in (base, {"jitter": (1, 4)})
+    ]
+    found = degradation(run(join_plans(plans), tmp_path / "run", videos="none", workers=0))
+    assert [one.at.level for one in found.curves] == [1.0, 4.0]
+
+
+def test_the_level_zero_of_a_variant_is_the_scenario_without_its_axis(tmp_path: Path):
+    small = {**SMALL, "duration_s": 0.3, "axes.occlusion.end_s": 6.0}
+    base = make_plan(["easy/corridor"], ["stay"], [0], overrides=small)
+    changes, axes = {**small, "axes.noise.gain": 10.0}, {"noise": (1, 2)}
+    variant = make_plan(["easy/corridor"], ["stay"], [0], axes=axes, overrides=changes, variant="loud")
+    found = degradation(run(join_plans([base, variant]), tmp_path / "run", videos="none", workers=0))
+    assert [(one.at.axis, one.at.level) for one in found.curves] == [("loud noise", level) for level in (0, 1, 2)]
 
 
 def test_axes_have_their_own_unit():

@@ -13,6 +13,7 @@ import tomli_w
 
 import pftrack_sim
 from pftrack_sim.benchmark import Plan, RunStore, TrackerSpec, keys, make_plan, parse_seeds, run
+from pftrack_sim.benchmark.asked.from_names import join_plans
 from pftrack_sim.benchmark.asked.union import held_besides, united
 from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.benchmark.reading.merge import merge
@@ -357,6 +358,16 @@ def test_blocks_of_a_suite_with_other_contents_of_one_scenario_are_united():
     both = united(plan([0], "low", 1.0), plan([0, 1], "high", 1.4))
     heights = {(one.condition.name, one.seed): one.scenario.resolve(0).camera.height_m for one in both.episodes()}
     assert heights == {("low base", 0): 1.0, ("high base", 0): 1.4, ("high base", 1): 1.4}
+
+
+def test_scenes_of_a_suite_are_none_of_another_that_is_stored():
+    def plan(axis: str, height_m: float) -> Plan:
+        return plan_of("0", ["stay"], {axis: [1.0]}, changes={"camera.height_m": height_m})
+
+    stored, suite = plan("light", 1.0), join_plans([plan("jitter", 1.2), plan("noise", 1.4)])
+    assert not united(stored, suite).asked.keys() & stored.asked.keys()
+    assert united(suite, plan("light", 1.4)).asked.keys() > suite.asked.keys()
+    assert not united(suite, stored).asked.keys() & suite.asked.keys()
 
 
 @pytest.mark.slow

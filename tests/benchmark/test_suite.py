@@ -95,6 +95,28 @@ def test_conditions_that_only_one_tracker_has_do_not_count():
     assert (found.verdict, found.comparisons[0].difference.mean) == ("undecided", 0.0)
 
 
+def test_conditions_count_by_controller_whatever_trackers_that_are_not_compared_have():
+    claim = {"kind": "beats", "statement": "s", "tracker": "good", "others": ["bad"]}
+    suite = make_suite("t", tree(claims=[claim]))
+    hard = Condition(levels=(("jitter", 4.0),))
+    found = [
+        replace(one, tracker=TrackerSpec(name=one.label, controller=controller), condition=condition,
+                values={**one.values, "mean_overlap": overlap})
+        for one in results()
+        for controller in ("servo", "servo-avoid")
+        for condition, overlap in ((Condition(), 0.5), (hard, 0.1))
+    ]  # fmt: skip
+    part = [one for one in found if (one.tracker.name, one.tracker.controller) != ("good", "servo")
+            or one.condition != hard]  # fmt: skip
+    (equal,) = evaluate_claims(suite, part)
+    assert (equal.verdict, equal.comparisons[0].difference.mean) == ("undecided", 0.0)
+    better = [replace(one, values={**one.values, "mean_overlap": 0.2})
+              if one.tracker.name == "good" and one.condition == hard else one for one in found]  # fmt: skip
+    without = [one for one in better if one.tracker.name != "same" or one.condition != hard]
+    assert evaluate_claims(suite, without) == evaluate_claims(suite, better)
+    assert evaluate_claims(suite, without)[0].comparisons[0].difference.mean == pytest.approx(0.05)
+
+
 def test_no_verdict_below_ten_seeds_and_all_parts_of_all_claims_are_corrected_together():
     suite = make_suite("t", tree())
     few = evaluate_claims(suite, [one for one in results() if one.seed < 9])

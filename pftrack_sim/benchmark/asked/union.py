@@ -16,8 +16,8 @@ _MOST_LINES = 8
 def united(stored: Plan, asked: Plan, *, running: bool = False) -> Plan:
     """What is stored, and what is asked for besides; of the same name counts what is asked for.
 
-    A scenario that is asked for with settings that none of its stored conditions has counts with these in all of them:
-    an axis whose levels are of two scenes would be no axis.
+    A scenario that is asked for with settings of which its stored conditions have none counts with the first of these
+    in all of them: an axis whose levels are of two scenes would be no axis.
 
     Every tracker runs in every episode, so that a tracker that is added runs in those that were there too. Where the
     plan will be run, with `running`, trackers that are not asked for count with the code of today.
@@ -30,15 +30,16 @@ def united(stored: Plan, asked: Plan, *, running: bool = False) -> Plan:
     cells: dict[tuple[str, str], tuple[ScenarioSpec, Condition, dict[int, None]]] = {}
     theirs, mine = _scenes(stored), _scenes(asked)
     changed = {
-        name: scenes
+        name: next(iter(scenes.values()))
         for name, scenes in mine.items()
-        if len(scenes) == 1 and not scenes.keys() & theirs.get(name, {}).keys()
+        if not scenes.keys() & theirs.get(name, scenes).keys()
     }
-    for one in (*stored.episodes(), *asked.episodes()):
+    specs = [changed.get((one.spec.name, one.condition.variant), one.spec) for one in stored.episodes()]
+    specs += [one.spec for one in asked.episodes()]
+    for spec, one in zip(specs, (*stored.episodes(), *asked.episodes()), strict=True):
         key = one.spec.name, one.condition.name
         seeds = cells[key][2] if key in cells else dict[int, None]()
         seeds[one.seed] = None
-        (spec,) = changed.get((one.spec.name, one.condition.variant), {"": one.spec}).values()
         cells[key] = spec, one.condition, seeds
     # Conditions of a scenario with the same seeds share a sweep: each holds the scenario's whole content.
     rows: dict[tuple[str, tuple[int, ...]], tuple[ScenarioSpec, list[Condition]]] = {}

@@ -8,7 +8,7 @@ one suite in twenty has a claim that holds or fails.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +69,7 @@ def evaluate_claims(suite: Suite, results: Iterable[Result]) -> list[ClaimResult
 
 def _differences(suite: Suite, claim: Claim, preset: str, means: _SeedMeans) -> dict[str, SeedMean]:
     def scores(tracker: str, scenarios: Sequence[str], measure: str = claim.measure) -> dict[int, float]:
-        return means.by_seed((tracker, preset), scenarios or suite.scenarios, measure)
+        return means.by_seed((tracker, preset), scenarios or suite.scenarios, measure, claim.compared)
 
     match claim:
         case Beats():
@@ -110,34 +110,42 @@ def _reached(values: Sequence[float], value: float) -> SeedMean:
 
 
 class _SeedMeans:
-    """Scores by tracker with its preset, scenario and seed, in the conditions that all of them have there."""
+    """Scores by tracker with its preset, scenario and seed."""
 
     def __init__(self, results: Iterable[Result]) -> None:
         self._results: dict[tuple[str, str, str, int], list[Result]] = {}
-        conditions: dict[tuple[str, int], set[str]] = {}
         for result in results:
             # Suites name trackers without parameters; latency and controller do not distinguish them.
             if not result.tracker.params:
                 key = (result.tracker.name, result.tracker.preset, result.scenario, result.seed)
                 self._results.setdefault(key, []).append(result)
-        for (*_, scenario, seed), own in self._results.items():
-            names = {one.condition.name for one in own}
-            conditions[scenario, seed] = conditions.get((scenario, seed), names) & names
-        for (*_, scenario, seed), own in self._results.items():
-            own[:] = [one for one in own if one.condition.name in conditions[scenario, seed]]
         self.presets = tuple(dict.fromkeys(preset for _, preset, _, _ in self._results)) or ("default",)
 
     def by_seed(
-        self, tracker: tuple[str, str], scenarios: Sequence[str], measure: str, weights: Sequence[float] = ()
+        self,
+        tracker: tuple[str, str],
+        scenarios: Sequence[str],
+        measure: str,
+        compared: Collection[str],
+        weights: Sequence[float] = (),
     ) -> dict[int, float]:
-        """Mean over the scenarios of a tracker, its name and preset, for each seed that has them all."""
+        """Mean over the scenarios of a tracker, its name and preset, for each seed that has them all.
+
+        It is over the conditions and controllers that those of the compared trackers that are there have, too.
+        """
         seeds = sorted({seed for *own, _, seed in self._results if tuple(own) == tracker})
         means: dict[int, float] = {}
         for seed in seeds:
-            values = [self._mean(self._results.get((*tracker, name, seed), []), measure) for name in scenarios]
+            values = [self._mean(self._shared(tracker, compared, name, seed), measure) for name in scenarios]
             if all(math.isfinite(value) for value in values):
                 means[seed] = float(np.average(values, weights=weights or None))
         return means
+
+    def _shared(self, tracker: tuple[str, str], compared: Iterable[str], scenario: str, seed: int) -> list[Result]:
+        there = [self._results.get((name, tracker[1], scenario, seed), []) for name in compared]
+        cells = [{_cell(one) for one in own} for own in there if own]
+        own = self._results.get((*tracker, scenario, seed), [])
+        return [one for one in own if all(_cell(one) in others for others in cells)]
 
     @staticmethod
     def _mean(results: Sequence[Result], measure: str) -> float:
@@ -146,6 +154,10 @@ class _SeedMeans:
         is_time = measure in ("ms_per_frame", "frames_per_second")
         mean = float(np.mean([result.number("ms_median" if is_time else measure) for result in results]))
         return 1000.0 / mean if measure == "frames_per_second" else mean
+
+
+def _cell(result: Result) -> tuple[str, str | None]:
+    return result.condition.name, result.tracker.controller
 
 
 @dataclass(frozen=True)
@@ -190,8 +202,8 @@ def compare_with_paper(table: PaperTable, results: Iterable[Result]) -> list[Pap
 
 def _columns(table: PaperTable, means: _SeedMeans, tracker: tuple[str, str], measure: str) -> list[Mapping[int, float]]:
     """Scores by seed in each column, and their mean over all."""
-    alone = [means.by_seed(tracker, (name,), measure) for name in table.columns]
-    return [*alone, means.by_seed(tracker, table.columns, measure, table.weights)]
+    alone = [means.by_seed(tracker, (name,), measure, table.printed) for name in table.columns]
+    return [*alone, means.by_seed(tracker, table.columns, measure, table.printed, table.weights)]
 
 
 def _printed(table: PaperTable, numbers: Sequence[float]) -> list[float]:

@@ -229,18 +229,16 @@ def _grids(episodes: Mapping[Condition, Episode]) -> list[_Grid]:
     found: dict[tuple[str, ...], _Grid] = {}
     for condition, episode in episodes.items():
         if (at := levels_of(condition)) and not episode.backward:  # its frames have other numbers
-            axes = [one.axis for one in at]
-            own = {name: {**_axis(episode, name), "severity": None} for name in _names(axes)}
-            found.setdefault((*axes, digest(_beside(episode, axes), own)), []).append((at, condition))
+            scene = digest(_beside(episode, condition), _own(episode))
+            found.setdefault((*(one.axis for one in at), scene), []).append((at, condition))
     bases = [one for one in episodes if not any(level or "." in axis for axis, level in one.levels)]
     for grid in found.values():
         (first, *others), like = grid[0]
-        swept = _names([first.axis])
         equal = [
             base
             for base in bases
-            if _beside(episodes[base], swept) == _beside(episodes[like], swept)
-            and not any(_axis(episodes[base], name).get("severity") for name in swept)
+            if _beside(episodes[base], like) == _beside(episodes[like], like)
+            and not any(_severity(episodes[base], name) for name in _axes(like))
         ]
         # A parameter has no level that changes nothing.
         if equal and not others and "." not in like.levels[0][0] and all(at.level for (at,), _ in grid):
@@ -249,20 +247,31 @@ def _grids(episodes: Mapping[Condition, Episode]) -> list[_Grid]:
     return list(found.values())
 
 
-def _names(axes: Iterable[str]) -> set[str]:
-    """Axes of these and of those whose parameters they are."""
-    return {axis.partition(".")[0] for axis in axes}
+def _axes(condition: Condition) -> set[str]:
+    """Axes that have a level, or one of whose parameters has."""
+    return {name.partition(".")[0] for name, _ in condition.levels}
 
 
-def _axis(episode: Episode, name: str) -> dict[str, Any]:
-    """What a scenario says of an axis; nothing of one of the run."""
-    return episode.spec.tree["axes"].get(name, {})
+def _severity(episode: Episode, name: str) -> Any:
+    """Severity of an axis in an episode; None of one of the run."""
+    own = episode.spec.tree["axes"].get(name, {}).get("severity")
+    return episode.condition.overrides.get(f"axes.{name}.severity", own)
 
 
-def _beside(episode: Episode, swept: Iterable[str]) -> dict[str, Any]:
+def _own(episode: Episode) -> dict[str, Any]:
+    """What a scenario says of the axes of an episode besides their levels."""
+    settings = {
+        f"axes.{name}.{key}": value
+        for name in _axes(episode.condition)
+        for key, value in episode.spec.tree["axes"].get(name, {}).items()
+    }
+    return {key: value for key, value in settings.items() if key not in episode.condition.overrides}
+
+
+def _beside(episode: Episode, swept: Condition) -> dict[str, Any]:
     """A scenario but for axes that are swept and those at severity 0, whose parameters mean nothing."""
-    left_out, tree = _names(swept), episode.spec.tree
-    on = {name: own for name, own in tree["axes"].items() if own.get("severity") and name not in left_out}
+    left_out, tree = _axes(swept), episode.spec.tree
+    on = {name: own for name, own in tree["axes"].items() if name not in left_out and _severity(episode, name)}
     return {**tree, "axes": on}
 
 
