@@ -321,9 +321,8 @@ Coefficient: TypeAlias = Annotated[float, Field(ge=-10.0, le=10.0)]
 RoadClass: TypeAlias = Literal["A", "B", "C", "D", "E"]
 
 
-MAX_SHAKE_DEG = 40.0
-MAX_SHAKE_MM = 10_000.0
-"""Strongest shake of the axis at any severity, RMS of each of pitch, yaw and roll [deg]."""
+MAX_SHAKE_DEG, MAX_SHAKE_MM = 40.0, 10_000.0
+"""Strongest shake of the axis at any severity, RMS of each of pitch, yaw and roll [deg], and along x, y and z [mm]."""
 
 
 class JitterAxis(Axis, name="jitter", headline="angular_rms_deg", unit="deg RMS"):

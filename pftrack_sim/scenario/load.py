@@ -282,7 +282,7 @@ def _problems(tree: Tree, *, whole: bool) -> list[str]:
         else:
             (kind, values), *_ = value.items()
             low, high = values[0], values[-1]
-            # Between two whole numbers a uniform range draws others, which a key for whole numbers does not take.
+            # A uniform range draws no whole numbers: a key for these must refuse it, whatever its ends.
             spans.append((path, [*values, *([low + 0.5**0.5 * (high - low)] if kind == "uniform" else [])]))
     if found:
         return found

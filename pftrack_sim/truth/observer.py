@@ -248,14 +248,14 @@ class TruthObserver:
         amodal, swept = frame.boxes(person)
         box, truncation = _clipped(amodal, *self._size)
         inside = 0 if silhouette is None else int(np.count_nonzero(silhouette.amodal))
-        present = bool(inside and box[2] * box[3])  # a trunk may be outside, of which the box is, and a leg inside
+        # Of a target selected by its trunk, the trunk's box may be outside the image while a leg is inside.
+        present = bool(inside and box[2] * box[3])
         if not inside and person != frame.target and person not in self._told:
             return None
-        state: State = "occluded" if present else "out_of_view"
         visible_box, fraction, luminance = boxes.NO_BOX, 0.0, float("nan")
         seen = int(np.count_nonzero(silhouette.visible)) if silhouette is not None and inside else 0
+        state: State = "out_of_view" if not present else "visible" if seen else "occluded"
         if silhouette is not None and seen:
-            state = "visible" if present else "out_of_view"
             rect, visible = silhouette.rect, silhouette.visible.view(np.uint8)
             left, top, *visible_size = cv2.boundingRect(visible)
             visible_box = np.array([rect.left + left, rect.top + top, *visible_size], dtype=np.float64)

@@ -360,7 +360,7 @@ def test_blocks_of_a_suite_with_other_contents_of_one_scenario_are_united():
     assert heights == {("low base", 0): 1.0, ("high base", 0): 1.4, ("high base", 1): 1.4}
 
 
-def test_scenes_of_a_suite_are_none_of_another_that_is_stored():
+def test_a_suite_whose_settings_are_not_the_stored_ones_keeps_no_stored_result():
     def plan(axis: str, height_m: float) -> Plan:
         return plan_of("0", ["stay"], {axis: [1.0]}, changes={"camera.height_m": height_m})
 

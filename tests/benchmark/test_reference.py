@@ -169,6 +169,9 @@ def test_a_submission_is_of_one_tracker_and_one_code(
         about = made["ncc"].about.model_copy(update={"trackers": (opened, spec)})
         assert any("its parts are of two trackers, or of other code: ncc and" in line
                    for line in problems(replace(made["ncc"], about=about)))  # fmt: skip
+    alone = [row for row in made["ncc"].rows if row["kind"] == "open"]
+    half = replace(made["ncc"], about=made["ncc"].about.model_copy(update={"trackers": (opened,)}), rows=tuple(alone))
+    assert [line.split(" needs ")[1] for line in problems(half)] == ["one part each of follow and open, got open"]
     monkeypatch.setitem(stores[1].plan.environment, "numba", "0.1")
     with pytest.raises(RunError, match=r"was run with other code or versions than the other part:\n  numba: "):
         make_submission(stores, "ncc")

@@ -16,8 +16,8 @@ _MOST_LINES = 8
 def united(stored: Plan, asked: Plan, *, running: bool = False) -> Plan:
     """What is stored, and what is asked for besides; of the same name counts what is asked for.
 
-    A scenario that is asked for with settings of which its stored conditions have none counts with the first of these
-    in all of them: an axis whose levels are of two scenes would be no axis.
+    Where a scenario is asked for with settings that no stored condition of it has, all of its stored conditions get
+    these settings, so that the levels of an axis differ in nothing else.
 
     Every tracker runs in every episode, so that a tracker that is added runs in those that were there too. Where the
     plan will be run, with `running`, trackers that are not asked for count with the code of today.
@@ -28,11 +28,11 @@ def united(stored: Plan, asked: Plan, *, running: bool = False) -> Plan:
     if asked.asked.keys() <= stored.asked.keys() and all(suite in stored.suites for suite in asked.suites):
         return stored
     cells: dict[tuple[str, str], tuple[ScenarioSpec, Condition, dict[int, None]]] = {}
-    theirs, mine = _scenes(stored), _scenes(asked)
+    theirs, mine = _settings(stored), _settings(asked)
     changed = {
-        name: next(iter(scenes.values()))
-        for name, scenes in mine.items()
-        if not scenes.keys() & theirs.get(name, scenes).keys()
+        name: next(iter(settings.values()))
+        for name, settings in mine.items()
+        if not settings.keys() & theirs.get(name, settings).keys()
     }
     specs = [changed.get((one.spec.name, one.condition.variant), one.spec) for one in stored.episodes()]
     specs += [one.spec for one in asked.episodes()]
@@ -58,8 +58,8 @@ def united(stored: Plan, asked: Plan, *, running: bool = False) -> Plan:
     return make_checked_plan(sweeps, (*trackers, *today.values()), suites, asked.truth, asked.environment)
 
 
-def _scenes(plan: Plan) -> dict[tuple[str, str], dict[str, ScenarioSpec]]:
-    """The contents of each scenario by its name and variant, and by their digests."""
+def _settings(plan: Plan) -> dict[tuple[str, str], dict[str, ScenarioSpec]]:
+    """The settings of each scenario, by its name and variant, and by their digests."""
     found: dict[tuple[str, str], dict[str, ScenarioSpec]] = {}
     for sweep in plan.sweeps:
         for spec, condition in itertools.product(sweep.scenarios, sweep.conditions):

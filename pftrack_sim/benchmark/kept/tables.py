@@ -150,8 +150,8 @@ def _read_chunk(files: Mapping[Path, AskedResult]) -> Iterator[tuple[AskedResult
             found = {Path(name): value for name, value in database.execute(query).fetchall()}
     except duckdb.Error as error:
         raise RunError(
-            f"not a result's table: {one_line(str(error))}; pftrack-sim check lists what is damaged, and what is "
-            "deleted the same command makes again"
+            f"not a result's table: {one_line(str(error))}; pftrack-sim check lists damaged files: delete "
+            "them, and the same command makes them again"
         ) from None
     for path, asked in files.items():
         try:

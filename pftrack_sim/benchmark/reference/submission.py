@@ -171,7 +171,7 @@ def make_submission(stores: Sequence[RunStore], tracker: str | None = None) -> S
         )
     (name,) = common
     kinds = sorted(store.plan.kind for store in stores)
-    parts = sorted({"follow" if block.loop == "closed" else "open" for block in load_suite(name).run})
+    parts = _parts(name)
     if kinds != parts:
         commands = " and ".join("follow" if kind == "follow" else "bench" for kind in parts)
         raise ParameterError(f"{name} needs one run of {commands} each, got {' and '.join(kinds)}")
@@ -205,6 +205,10 @@ def make_submission(stores: Sequence[RunStore], tracker: str | None = None) -> S
     if found_wrong := problems(made):
         raise RunError("\n  ".join([f"{name} by {made.label} cannot be submitted:", *found_wrong]))
     return made
+
+
+def _parts(suite: str) -> list[str]:
+    return sorted({"follow" if block.loop == "closed" else "open" for block in load_suite(suite).run})
 
 
 def _chosen(store: RunStore, tracker: str | None) -> TrackerSpec:
@@ -290,6 +294,9 @@ def problems(one: Submission) -> list[str]:
     cells = [(*cell_of(row), row["label"]) for row in one.rows]
     if set(cells) != asked or len(cells) != len(asked):
         found.append(f"{len(asked ^ set(cells))} episodes are missing, or are none of {one.about.suite}")
+    kinds = sorted("open" if spec.controller is None else "follow" for spec in one.about.trackers)
+    if kinds != (parts := _parts(one.about.suite)):
+        found.append(f"{one.about.suite} needs one part each of {' and '.join(parts)}, got {' and '.join(kinds)}")
     first, *others = one.about.trackers
     for spec in others:
         if (plain_label(spec), _code(spec)) != (plain_label(first), _code(first)):
@@ -327,7 +334,7 @@ def _follows(row: Row) -> bool:
         return row["frames"] == 0 and row["mean_overlap"] is None
     known = np.nan_to_num(overlaps[counted])
     apart = abs(float(known.mean()) - (row["mean_overlap"] or 0.0))
-    tracked, half = (row["success"] or 0.0), 0.5 / OVERLAP  # an overlap of a half may be rounded up or down
+    tracked, half = (row.get("success") or 0.0), 0.5 / OVERLAP  # an overlap of a half may be rounded up or down
     low, high = (float(np.mean(known > 0.5 + sign * half)) for sign in (1.0, -1.0))
     right = apart <= 1.0 / OVERLAP and low - 1e-9 <= tracked <= high + 1e-9
     return bool(right and row["frames"] == counted.sum())

@@ -131,7 +131,7 @@ class _SeedMeans:
     ) -> dict[int, float]:
         """Mean over the scenarios of a tracker, its name and preset, for each seed that has them all.
 
-        It is over the conditions and controllers that those of the compared trackers that are there have, too.
+        Only those conditions and controllers count that every compared tracker with results at the seed has.
         """
         seeds = sorted({seed for *own, _, seed in self._results if tuple(own) == tracker})
         means: dict[int, float] = {}

@@ -223,8 +223,8 @@ def table_rows(found: Sequence[Degradation], measure: Measure) -> list[TableRow]
 def _grids(episodes: Mapping[Condition, Episode]) -> list[_Grid]:
     """Levels of every axis of a scenario, rising, with level 0 from another axis where an axis has none.
 
-    Axes that were swept together are one grid of all their combinations. Conditions of a scenario with other settings,
-    which a grown run may hold, are another grid.
+    Axes that were swept together are one grid of all their combinations. Conditions with other settings of the
+    scenario, which a suite may hold, are another grid.
     """
     found: dict[tuple[str, ...], _Grid] = {}
     for condition, episode in episodes.items():
@@ -259,7 +259,7 @@ def _severity(episode: Episode, name: str) -> Any:
 
 
 def _own(episode: Episode) -> dict[str, Any]:
-    """What a scenario says of the axes of an episode besides their levels."""
+    """Parameters of the axes of an episode's condition, without those that its levels set."""
     settings = {
         f"axes.{name}.{key}": value
         for name in _axes(episode.condition)
@@ -269,7 +269,7 @@ def _own(episode: Episode) -> dict[str, Any]:
 
 
 def _beside(episode: Episode, swept: Condition) -> dict[str, Any]:
-    """A scenario but for axes that are swept and those at severity 0, whose parameters mean nothing."""
+    """A scenario without the swept axes, and without those at severity 0, whose parameters change nothing."""
     left_out, tree = _axes(swept), episode.spec.tree
     on = {name: own for name, own in tree["axes"].items() if name not in left_out and _severity(episode, name)}
     return {**tree, "axes": on}

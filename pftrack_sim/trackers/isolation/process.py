@@ -39,6 +39,7 @@ _MAX_PIPE_BYTES = 1 << 20
 _MAX_OPENED, _MAX_NAME = 10_000, 4096
 """Number of files that a tracker may open, and length of a name."""
 _MOST_S, _MOST_MB = 1e6, 1e9
+"""Largest limits of time and memory that the system takes."""
 _END_S = 5.0
 """Time in which a supervisor must report how its tracker ended, and end itself."""
 
