@@ -141,14 +141,15 @@ def losses(time_s: ArrayLike, seen: ArrayLike) -> list[tuple[float, float]]:
         (NaN when none did).
     """
     times, sight = np.asarray(time_s, dtype=np.float64), np.asarray(seen, dtype=np.bool_)
+    last_s = float(np.median(np.diff(times))) if len(times) > 1 else 0.0  # The last frame lasts as long as the others
+    ended = np.append(times, times[-1:] + last_s)
     edges = np.flatnonzero(np.diff(sight.astype(np.int8))) + 1
     starts = np.concatenate([[0], edges]).astype(np.intp)
     ends = np.concatenate([edges, [len(sight)]]).astype(np.intp)
     found: list[tuple[float, float]] = []
     since = math.nan
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        last = float(times[min(end, len(times) - 1)])
-        lasted = last - float(times[start])
+        lasted = float(ended[end]) - float(times[start])
         if not sight[start]:
             if math.isnan(since) and lasted > FOUND_S:
                 since = float(times[start])
