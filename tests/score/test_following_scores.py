@@ -83,6 +83,13 @@ def test_a_loss_is_longer_than_a_blink_and_found_is_longer_than_a_glimpse():
     assert math.isnan(until)
 
 
+@pytest.mark.parametrize(("frames", "lost"), [(5, 0), (6, 1)])
+def test_the_last_frame_of_a_drive_lasts_as_long_as_the_others(frames: int, lost: int):
+    seen = np.ones(100, dtype=bool)
+    seen[-frames:] = False  # 0.5 s is a blink, 0.6 s a loss
+    assert scores(seen=seen).losses == lost
+
+
 @pytest.mark.parametrize("jerk", [0.0, 0.7])
 def test_jerk_of_a_cubic_is_its_third_derivative(jerk: float):
     times = np.arange(100) / RATE_HZ
