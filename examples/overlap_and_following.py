@@ -15,9 +15,10 @@ import argparse
 import itertools
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import duckdb
 import matplotlib.pyplot as plt
@@ -57,6 +58,9 @@ FROM_FRAMES = """
     FROM ranked LEFT JOIN first USING (scenario, condition, seed, label) GROUP BY ALL
 """
 
+
+Statistic: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""`(B,)` values from `(B, S)` weights of the episodes."""
 
 COLUMNS = "SELECT column_name FROM (DESCRIBE SELECT * FROM read_parquet($closed))"
 
@@ -102,30 +106,68 @@ def read(opened: Path, closed: Path, measure: str, predictor: str = OVERLAP, tab
     return Pairs(points, table[..., 0], table[..., 1])
 
 
+def spearman(pairs: Pairs) -> Statistic:
+    """The rank correlation of the means over episodes, of the points that have both."""
+    scores = [pairs.overlap, pairs.following]
+    measured = np.all([~np.isnan(one).all(axis=1) for one in scores], axis=0)
+
+    def rho(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        ranks = [stats.rankdata(_means(one[measured], weights), axis=1) for one in scores]
+        first, second = (one - one.mean(axis=1, keepdims=True) for one in ranks)
+        return (first * second).sum(axis=1) / np.sqrt((first**2).sum(axis=1) * (second**2).sum(axis=1))
+
+    return rho
+
+
+def _means(scores: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    known = ~np.isnan(scores)
+    return (weights @ np.where(known, scores, 0.0).T) / (weights @ known.T)
+
+
+def interval_of(statistic: Statistic, count: int) -> tuple[float, float, float]:
+    """A statistic of means over so many episodes without its bias, and its 95 % interval.
+
+    Noise in the means lowers a correlation. The bootstrap over episodes shows by how much, and a second one within each
+    of its samples how far that corrected value spreads (Efron & Tibshirani 1993, chapters 10 and 12). Covers 89 to 96 %
+    of correlations of 0.36 to 0.84 with 20 episodes, where percentiles of the bootstrap cover 17 to 75 %.
+    """
+    generator = np.random.default_rng(0)
+
+    def corrected(shares: NDArray[np.float64], samples: int) -> float:
+        drawn = statistic(generator.multinomial(count, shares, samples) / count)
+        return float(2.0 * statistic(shares[None])[0] - np.nanmean(drawn))
+
+    even = np.full(count, 1.0 / count)
+    value = corrected(even, 2000)
+    spread = np.nanstd([corrected(one / count, 100) for one in generator.multinomial(count, even, 200)])
+    half = stats.t.ppf(0.975, count - 1) * float(spread) * np.sqrt(count / (count - 1))
+    return value, value - half, value + half
+
+
 def correlation(pairs: Pairs) -> str:
-    """Spearman's of the means over episodes, from five on with its 95 % bootstrap interval over them."""
-
-    def rho(episodes: NDArray[np.int64]) -> float:
-        means = (np.nanmean(scores[:, episodes], axis=1) for scores in (pairs.overlap, pairs.following))
-        return float(stats.spearmanr(*means).statistic)
-
-    count = pairs.overlap.shape[1]
-    said = f"Spearman {rho(np.arange(count)):.3f}"
+    """Spearman's of the means over episodes; from five on also without the bias of their noise, with an interval."""
+    count, rho = pairs.overlap.shape[1], spearman(pairs)
+    said = f"Spearman {rho(np.full((1, count), 1.0 / count))[0]:.3f}"
     if count >= score.LEAST_FOR_INTERVAL:
-        drawn = [rho(chosen) for chosen in np.random.default_rng(0).integers(0, count, (2000, count))]
-        low, high = np.nanquantile(drawn, (0.025, 0.975))
-        said += f" ({low:.3f} to {high:.3f})"
+        value, low, high = interval_of(rho, count)
+        said += f", without noise {value:.3f} ({low:.3f} to {min(high, 1.0):.3f})"
     return f"{said}: {len(pairs.points)} points, {count} episodes each"
 
 
 def predictors(opened: Path, closed: Path, measure: str) -> Iterator[str]:
-    """A row for each of `PREDICTORS`, with its correlation."""
+    """A row for each of `PREDICTORS`: its correlation, and how much more it is than the overlap's."""
     with tempfile.TemporaryDirectory() as folder:
         table = str(Path(folder) / "open.parquet")
         with RunStore(opened).database() as database:
             database.execute(f"COPY ({FROM_FRAMES}) TO '{table}' (FORMAT parquet)")
+        overlap = spearman(read(opened, closed, measure, OVERLAP, table))
         for name, meaning in PREDICTORS.items():
-            yield f"{name:16} {correlation(read(opened, closed, measure, name, table))}; {meaning}"
+            pairs = read(opened, closed, measure, name, table)
+            rho, count, more = spearman(pairs), pairs.overlap.shape[1], ""
+            if name != OVERLAP and count >= score.LEAST_FOR_INTERVAL:
+                found = interval_of(lambda weights, rho=rho: rho(weights) - overlap(weights), count)
+                more = ", {:+.3f} ({:+.3f} to {:+.3f}) than the overlap".format(*found)
+            yield f"{name:16} {correlation(pairs)}{more}; {meaning}"
 
 
 def interval(shares: NDArray[np.float64]) -> tuple[float, float]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import cv2
 import duckdb
+import numpy as np
 import pytest
+from scipy.stats import spearmanr
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "overlap_and_following.py"
@@ -43,7 +46,7 @@ def test_correlation_is_over_the_episodes_that_all_trackers_have(tmp_path: Path)
     closed = written(tmp_path / "closed", "follow_success", drives)
     done = compared(opened, closed, "--out", tmp_path / "scatter.png")
     assert done.returncode == 0, done.stderr
-    assert "Spearman 0.866 (0.866 to 0.866): 3 points, 5 episodes each" in done.stdout
+    assert "Spearman 0.866, without noise 0.866 (0.866 to 0.866): 3 points, 5 episodes each" in done.stdout
     picture = cv2.imread(str(tmp_path / "scatter.png"))
     assert picture is not None
     assert picture.std() > 10.0
@@ -98,3 +101,20 @@ def test_runs_of_bench_and_follow_fit_together(tmp_path: Path):
     rows = [line for line in done.stdout.splitlines() if "; " in line]
     assert [row.split()[0] for row in rows] == ["mean_overlap", "first_loss_s", "not_lost", "confidence_auc"]
     assert said in rows[0], "the overlap by its frames is that of the summary"
+
+
+def test_the_interval_covers_the_correlation_without_noise():
+    example = runpy.run_path(str(EXAMPLE))
+    generator, covered, naive = np.random.default_rng(0), 0, 0
+    for _ in range(40):
+        level = generator.uniform(0.1, 0.9, (40, 1))
+        expected = np.clip(level + generator.normal(0.0, 0.12, (40, 1)), 0.05, 0.95)
+        true = spearmanr(level, expected).statistic
+        overlap = level + generator.normal(0.0, 0.2, (40, 20))
+        pairs = example["Pairs"]([], overlap, generator.beta(2.0 * expected, 2.0 * (1.0 - expected), (40, 20)))
+        rho = example["spearman"](pairs)
+        measured, value = rho(np.full((1, 20), 0.05))[0], example["interval_of"](rho, 20)
+        covered += value[1] <= true <= value[2]
+        naive += abs(measured - true) < abs(value[0] - true)
+    assert covered >= 35, "95 % of 40 are 38"
+    assert naive <= 10, "the value without noise is nearer to the true one"
