@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from pathlib import Path
@@ -95,7 +94,6 @@ def export(
     names = sequence_names(plan)
     folder = out / LAYOUTS[layout].sequences
     _begin(out, plan, layout, _IMAGES[form].format(chosen), [*kinds, *(["detections"] if detections else [])])
-    _remove_parts(folder)
 
     def jobs() -> Iterator[ExportJob]:
         for number, (episode, name) in enumerate(zip(plan.episodes(), names, strict=True)):
@@ -175,13 +173,6 @@ def _begin(out: Path, plan: Plan, layout: str, image: str, maps: Sequence[str]) 
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise RunError(f"{out} is not an empty folder, nor a data set that was begun here")
     write_bytes(path, (json.dumps(record, indent=1) + "\n").encode())
-
-
-def _remove_parts(folder: Path) -> None:
-    """Remove unfinished sequences of exports that were killed."""
-    if folder.is_dir():
-        for part in folder.glob(".*.part"):
-            shutil.rmtree(part, ignore_errors=True)
 
 
 def _run_all(jobs: Iterator[ExportJob], workers: int) -> Iterator[None]:
