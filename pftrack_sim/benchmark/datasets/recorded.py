@@ -102,7 +102,6 @@ def evaluate(
         for sequence, path in zip(sequences, videos, strict=True):
             arms = [(seed, start, round(start * len(sequence))) for seed in seeds for start in starts]
             runners = [made(seed=seed, box_noise=box_noise, first_frame=frame) for seed, _, frame in arms]
-            _check_detections(sequence, [one for own in runners for one in own])
             _run(sequence, runners, path, on_frame)
             for (seed, start, first_frame), own in zip(arms, runners, strict=True):
                 scored = np.isfinite(sequence.truth[:, 0])
@@ -121,17 +120,6 @@ def evaluate(
     return results
 
 
-def _check_detections(sequence: RecordedSequence, runners: Sequence[TrackerRunner]) -> None:
-    """Refuse trackers that follow detections where there are none."""
-    if sequence.detections is None and (needing := [one for one in runners if one.needs_detections]):
-        for runner in runners:
-            runner.close()
-        raise TrackerError(
-            f"{needing[0].spec.base_label} follows detections, and {sequence.name} has none: the MOT layout holds them "
-            "in det/det.txt"
-        )
-
-
 def _run(
     sequence: RecordedSequence,
     arms: Sequence[Sequence[TrackerRunner]],
@@ -144,6 +132,11 @@ def _run(
     with ExitStack() as opened:
         for runner in runners:
             opened.callback(runner.close)
+        if sequence.detections is None and (needing := [one for one in runners if one.needs_detections]):
+            raise TrackerError(
+                f"{needing[0].spec.base_label} follows detections, and {sequence.name} has none: the MOT layout holds "
+                "them in det/det.txt"
+            )
         if video is not None:
             add = opened.enter_context(video_writer(video, rate_of(sequence)))
             sinks.append(lambda sample: add(picture(sample, latest(arms[0])), sample.time_s))
