@@ -15,6 +15,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache
 from multiprocessing import resource_tracker
@@ -149,25 +150,16 @@ class WorkerProcess(SpawnProcess):
 
     def start(self) -> None:
         """See `multiprocessing.Process`."""
-        added = {name: value for name, value in _ONE_CORE.items() if name not in os.environ}
-        os.environ.update(added)
-        try:
-            self._start()
-        finally:
-            for name in added:
-                del os.environ[name]
-
-    def _start(self) -> None:
-        if not hasattr(signal, "pthread_sigmask"):
+        with ExitStack() as undone:
+            for name in _ONE_CORE.keys() - os.environ.keys():
+                os.environ[name] = _ONE_CORE[name]
+                undone.callback(os.environ.pop, name)
+            if hasattr(signal, "pthread_sigmask"):
+                # Started within `start`, it would set the mask of blocked signals back.
+                resource_tracker.ensure_running()
+                previous = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+                undone.callback(signal.pthread_sigmask, signal.SIG_SETMASK, previous)
             super().start()
-            return
-        # Started within `start`, it would set the mask of blocked signals back.
-        resource_tracker.ensure_running()
-        previous = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            super().start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, previous)
 
 
 class WorkerContext(SpawnContext):
@@ -245,7 +237,7 @@ def _processes() -> TrackerProcesses:
 
 
 def _run(job: EpisodeJob) -> EpisodeFiles:
-    return run_episode(job, lambda: _count_frame(), _processes())
+    return run_episode(job, _count_frame, _processes())
 
 
 def prepare_worker() -> None:
