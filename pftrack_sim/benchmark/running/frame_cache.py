@@ -187,10 +187,7 @@ def _write_truth(path: Path, log: TruthLog, shape: tuple[int, ...]) -> None:
 def _renderer(backend: str | None) -> str:
     """What draws here when this backend is asked for."""
     try:
-        renderer = open_renderer(mujoco.MjModel.from_xml_string(_MODEL), 16, 16, backend)
+        with open_renderer(mujoco.MjModel.from_xml_string(_MODEL), 16, 16, backend) as renderer:
+            return renderer.description
     except RenderError:
         return f"none for {backend}"
-    try:
-        return renderer.description
-    finally:
-        renderer.close()
