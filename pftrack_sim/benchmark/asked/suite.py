@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, get_args
 
@@ -246,9 +245,4 @@ def make_suite(name: str, tree: Mapping[str, Any]) -> Suite:
     try:
         return Suite.model_validate(whole)
     except ValidationError as error:
-        raise ScenarioError(name, list(problems(error, whole, _schema()))) from None
-
-
-@cache
-def _schema() -> dict[str, Any]:
-    return Suite.model_json_schema()
+        raise ScenarioError(name, list(problems(error, whole, Suite.model_json_schema()))) from None
