@@ -111,9 +111,12 @@ def video_writer(path: Path, rate_hz: float, quality: int = 21) -> Generator[Cal
     if path.suffix.lower() != ".mp4":
         raise ParameterError(f"a video's name must end in .mp4, got {str(path)!r}")
     rate = Fraction(rate_hz).limit_denominator(1001)
-    with _encoder_errors(path), atomic_write(path) as part:
-        container: Any
-        with av.open(str(part), "w", format="mp4", options={"movflags": "faststart"}) as container:
+    container: Any
+    try:
+        with (
+            atomic_write(path) as part,
+            av.open(str(part), "w", format="mp4", options={"movflags": "faststart"}) as container,
+        ):
             # With its tree of macroblocks x264 writes other bits now and then, one video in some hundred.
             options = {"crf": str(quality), "preset": "veryfast", "threads": "1", "x264-params": "mbtree=0"}
             stream: Any = container.add_stream("libx264", rate=rate, options=options)
@@ -131,12 +134,6 @@ def video_writer(path: Path, rate_hz: float, quality: int = 21) -> Generator[Cal
 
             yield add
             container.mux(stream.encode())
-
-
-@contextlib.contextmanager
-def _encoder_errors(path: Path) -> Generator[None]:
-    try:
-        yield
     except FFmpegError as error:  # not always an OSError: a full disk is found when the file is closed
         raise RunError(f"cannot write {path}: {one_line(str(error.strerror or error))}") from None
 
