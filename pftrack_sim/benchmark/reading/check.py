@@ -51,9 +51,6 @@ class CheckReport:
 def check(path: Path) -> CheckReport:
     """Verify a run folder: every file's checksum, every result's key, and what was derived from the results.
 
-    Args:
-        path: The folder.
-
     Raises:
         RunError: It is no run folder, or its plan or its checksums are damaged.
     """

@@ -21,12 +21,6 @@ def profile_scenario(
 ) -> Profile:
     """Mean profile of a scenario's episodes, in which the robot follows its script.
 
-    Args:
-        scenario: The scenario.
-        seeds: Root seeds of the episodes.
-        backend: Renderer, by name.
-        on_frame: Called after every frame.
-
     Raises:
         ParameterError: The target is never visible in an episode.
     """
