@@ -137,14 +137,14 @@ class Canned:
     frames_done: None = None
 
     def run_all(self, jobs: Iterator[EpisodeJob]) -> Iterator[EpisodeFiles]:
-        """See `pools.Pool`."""
+        """See `Executor`."""
         outcome = None
         for job in jobs:
             outcome = outcome or run_episode(job)
             yield outcome
 
     def close(self) -> None:
-        """See `pools.Pool`."""
+        """See `Executor`."""
 
 
 def parent(folder: Path, episodes: int = 1000) -> None:

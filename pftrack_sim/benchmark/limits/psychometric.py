@@ -229,7 +229,7 @@ def thresholds_drawn(
     Args:
         grid: The grid of both.
         counts: Of two observers who saw the same trials.
-        correlation: Of the errors of the two, see `correlation`; a normal copula joins the posteriors.
+        correlation: Of the errors of the two, see `outcome_correlation`; a normal copula joins the posteriors.
         rng: Draws.
     """
     first, second = rng.standard_normal((2, 4000))
