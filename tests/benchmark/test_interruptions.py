@@ -1,6 +1,7 @@
 """An interrupted run loses no finished episode and counts no unfinished one."""
 
 import os
+import random
 import resource
 import shutil
 import signal
@@ -19,8 +20,7 @@ from pftrack_sim.benchmark.reading.check import check
 from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.formats.results import RESULT_FORMATS
-from tests.benchmark.kills import children, command, survive
-from tests.benchmark.small import contents, small_plan
+from tests.benchmark.small import SMALL, contents, settings, small_plan
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills processes and fills disks the Linux way")
 
@@ -28,9 +28,69 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills processes
 KILLS = int(os.environ.get("PFTRACK_SIM_KILLS", "2"))
 
 
+def command(out: Path, episodes: int) -> list[str]:
+    code = "import sys; from pftrack_sim.cli import main; sys.argv[0] = 'pftrack-sim'; main()"
+    words = f"bench corridor --trackers oracle,ko2012 --seeds 0:{episodes} --videos none --isolation always --workers 2"
+    return [sys.executable, "-c", code, *words.split(), "--progress", "quiet", "--out", str(out), *settings(SMALL)]
+
+
+def disturb(
+    words: list[str], environment: dict[str, str], after_s: float, whole: bool, rng: random.Random
+) -> tuple[bool, bool]:
+    """Start a run and kill it, or one of its workers, later; return whether it finished and whether it was killed."""
+    run = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment)
+    time.sleep(after_s)
+    hit = False
+    if run.poll() is None:
+        victims = [run.pid] if whole else children(run.pid)
+        if victims:
+            os.kill(rng.choice(victims), signal.SIGKILL)
+            hit = True
+    _, said = run.communicate(timeout=300)
+    assert run.returncode in (0, -signal.SIGKILL), said.decode()
+    return run.returncode == 0, hit
+
+
+def children(pid: int) -> list[int]:
+    """Worker processes of a run, from `/proc`, without the resource tracker."""
+    found: list[int] = []
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            words = (entry / "cmdline").read_bytes()
+        except OSError:
+            continue
+        if parent == pid and b"spawn_main" in words:
+            found.append(int(entry.name))
+    return found
+
+
 @pytest.mark.slow
 def test_killed_at_random_moments(tmp_path: Path):
-    survive(tmp_path, kills=KILLS, episodes=4, seed=1)
+    """By turns the parent and a worker: the run ends like an undisturbed one, and leaves no temporary file."""
+    rng, episodes = random.Random(1), 4
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    environment = {**os.environ, "TMPDIR": str(temporary)}
+    began = time.monotonic()
+    subprocess.run(command(tmp_path / "undisturbed", episodes), check=True, capture_output=True, env=environment)
+    whole_s = time.monotonic() - began
+    done = 0
+    round_ = 0
+    while done < KILLS:
+        out = tmp_path / f"killed-{round_}"
+        round_ += 1
+        finished = False
+        while done < KILLS and not finished:
+            after_s, whole = rng.uniform(0.1, 0.9) * whole_s, done % 2 == 0
+            finished, killed = disturb(command(out, episodes), environment, after_s, whole, rng)
+            done += killed
+        subprocess.run(command(out, episodes), check=True, capture_output=True, env=environment)
+        assert contents(out) == contents(tmp_path / "undisturbed")
+        assert check(out).good
+        assert not [*out.rglob(".*.part"), *out.glob(".scratch/*"), *temporary.iterdir()]
 
 
 @pytest.mark.slow
