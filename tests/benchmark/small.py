@@ -15,7 +15,6 @@ SMALL: dict[str, Any] = {
     "place.clutter": 0.0,
     "occluders": [],
 }
-TRACKERS = ("ko2012[particle_count=10]", "stay")
 
 
 def settings(changes: dict[str, Any]) -> list[str]:

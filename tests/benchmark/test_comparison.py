@@ -13,15 +13,7 @@ from pftrack_sim.benchmark import RunStore, make_plan, run
 from pftrack_sim.benchmark.reading.summary import paired_by_seed
 from pftrack_sim.benchmark.said.comparison import Difference, compare_runs
 from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, UnknownNameError
-
-TINY: dict[str, Any] = {
-    "camera.width_px": 96,
-    "camera.height_px": 72,
-    "duration_s": 0.5,
-    "lights.shadows": False,
-    "occluders": [],
-}
-
+from tests.benchmark.small import SMALL
 
 SCENARIOS = ("plaza-walk", "corridor")
 
@@ -29,9 +21,8 @@ SCENARIOS = ("plaza-walk", "corridor")
 def make_run(
     path: Path, trackers: list[str], seeds: list[int], names: Sequence[str] = SCENARIOS, **overrides: Any
 ) -> RunStore:
-    plan = make_plan(names, trackers=trackers, seeds=seeds, overrides={**TINY, **overrides})
-    run(plan, path, workers=0, videos="none")
-    return RunStore(path)
+    plan = make_plan(names, trackers=trackers, seeds=seeds, overrides={**SMALL, **overrides})
+    return run(plan, path, workers=0, videos="none")
 
 
 @pytest.fixture(scope="module")

@@ -125,11 +125,6 @@ def test_check_finds_what_is_wrong(one: RunStore, tmp_path: Path):
         check(edited)
 
 
-def test_another_plan_in_the_folder_is_refused(one: RunStore):
-    with pytest.raises(RunError, match="another plan"):
-        run(small_plan(range(2), ["oracle", "ko2012"], **{"camera.width_px": 104}), one.path)
-
-
 def test_a_folder_has_one_writer_at_a_time(plan: Plan, tmp_path: Path):
     problems: list[RunError] = []
 
