@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pftrack_sim.benchmark.asked.plan import Plan
 from pftrack_sim.benchmark.kept.tables import read_metadata
 from pftrack_sim.benchmark.reading.store import RunStore
 from pftrack_sim.benchmark.running.episode import EpisodeFiles
@@ -55,10 +54,6 @@ class ProgressCounter:
         present = (one for one in store.present.values() if one.episode.number in mine)
         for _, row in read_metadata(store.path, present):
             self._count(row)
-
-    def extend(self, plan: Plan, part: tuple[int, int]) -> None:
-        """Count towards a plan that asks for more."""
-        self.total = len(plan.episodes(part=part))
 
     def add(self, files: EpisodeFiles) -> None:
         """Count a finished episode."""

@@ -149,7 +149,7 @@ def run(
         while not problems and (added := more(store)) is not None:
             store.ask(added)
             plan = store.plan
-            counter.extend(plan, part)
+            counter.total = len(plan.episodes(part=part))
             yield from executor.run_all(jobs())
 
     with (
