@@ -94,17 +94,13 @@ prints = _with(_print)
 
 
 class StopsItsClock(FaultyTracker):
-    def __init__(self) -> None:
+    def __init__(self, **_: Any) -> None:
         super().__init__(lambda image: Estimate(self._box))
         time.perf_counter = lambda: 0.0
 
     def update(self, image: np.ndarray) -> Any:
         time.sleep(0.03)
         return super().update(image)
-
-
-def stops_its_clock(**_: Any) -> FaultyTracker:
-    return StopsItsClock()
 
 
 class _Late(Estimate):
@@ -134,6 +130,3 @@ class Corners(FaultyTracker):
     def update(self, image: np.ndarray) -> Any:
         x, y, w, h = self._box
         return (x, y, x + w, y + h)
-
-
-corners = Corners

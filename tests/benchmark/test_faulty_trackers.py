@@ -77,7 +77,7 @@ def test_the_error_is_reported_and_later_frames_are_misses(together: RunStore, n
 
 @pytest.mark.parametrize("isolation", ["auto", "never"])
 def test_four_numbers_are_a_box_and_corners_are_told(tmp_path: Path, isolation: str):
-    names = [MODULE + name for name in ("returns_a_list", "corners")]
+    names = [MODULE + name for name in ("returns_a_list", "Corners")]
     plan = make_plan(["easy/corridor"], [*names, "stay"], [4], overrides={**SMALL, "duration_s": 0.5})
     store = run(plan, tmp_path / "run", videos="none", workers=0, isolation=isolation)
     assert not any(one.error for one in store.results)
@@ -125,7 +125,7 @@ def test_the_finalizer_of_an_answer_is_charged(tmp_path: Path):
 
 
 def test_a_tracker_is_timed_from_outside_and_what_it_says_stands_beside(tmp_path: Path):
-    plan = small_plan(range(1), [MODULE + "stops_its_clock"])
+    plan = small_plan(range(1), [MODULE + "StopsItsClock"])
     done = run(plan, tmp_path / "run", videos="none", workers=0)
     (measures,) = [one.measures for one in done.results]
     assert measures.ms_reported == 0.0
