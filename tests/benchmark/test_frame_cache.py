@@ -99,14 +99,17 @@ def test_two_processes_fill_one_cache_at_once(tmp_path: Path):
 
 
 def test_the_entries_not_used_for_longest_go_first(tmp_path: Path):
-    cache = FrameCache(tmp_path, 250)
+    cache = FrameCache(tmp_path, 350)
     assert cache.size_bytes == 0
-    for age, name in enumerate(("new", "middle", "old")):
+    for age, name in enumerate(("new", "middle", "old", ".part-now")):
         (tmp_path / name).mkdir()
-        (tmp_path / name / "frames.raw").write_bytes(bytes(100))
-        os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
+        frames = tmp_path / name / "frames.raw"
+        frames.write_bytes(bytes(100))
+        for path in (frames, tmp_path / name):
+            os.utime(path, (1e9 - age, 1e9 - age))
+    os.utime(frames)  # An episode that another worker began to write long ago goes on.
     cache.evict()
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["middle", "new"]
+    assert sorted(one.name for one in tmp_path.iterdir()) == [".part-now", "middle", "new"]
 
 
 def test_whatever_changes_frames_changes_the_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

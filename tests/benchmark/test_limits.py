@@ -127,7 +127,7 @@ def test_a_search_finds_known_breaking_points_and_stops_when_they_are_known():
         assert limit.stopped.startswith("interval of")
         assert limit.held.level <= limit.breaking_point <= limit.failed.level
         assert sum(tried.episodes for tried in limit.tried) == limit.episodes == len(search.trials)
-    (difference,) = search.differences(outcomes)
+    (difference,) = search.differences(outcomes, [one, other])
     assert difference.low < 1.5 - 3.0 < difference.high < 0.0
     assert len({seed for _, seed in search.trials}) == len(search.trials)
 
@@ -140,7 +140,7 @@ def test_a_search_says_what_lies_outside_its_range_and_does_not_extrapolate():
     for limit in (never, below):
         assert (limit.breaking_point, limit.low, limit.high, limit.held, limit.failed) == (None,) * 5
         assert limit.stopped == "certain enough"
-    assert search.differences(outcomes) == []
+    assert search.differences(outcomes, [never, below]) == []
 
 
 def test_two_axes_together_break_a_tracker_on_the_frontier_of_both():

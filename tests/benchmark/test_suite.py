@@ -19,6 +19,7 @@ from pftrack_sim.simulation.world import World
 from pftrack_sim.trackers.registry import told
 
 TABLE = {"title": "T", "columns": ["easy"], "printed": {"good": [1.0]}}
+REACHES = {"kind": "reaches", "statement": "x", "tracker": "good", "value": 0.5}
 
 
 def tree(**more: Any) -> dict[str, Any]:
@@ -184,7 +185,7 @@ def test_other_parameters_are_another_tracker():
 
 
 def test_claims_on_following_need_controllers():
-    claims = [{"kind": "reaches", "statement": "x", "tracker": "good", "value": 0.5, "measure": "follow_success"}]
+    claims = [{**REACHES, "measure": "follow_success"}]
     with pytest.raises(ScenarioError, match="measures of following need"):
         make_suite("t", tree(claims=claims))
     driving = make_suite("t", tree(claims=claims, controllers=["servo"]))
@@ -248,6 +249,7 @@ def test_results_are_in_the_unit_of_the_papers_table():
         ({"tables": [{**TABLE, "columns": ["other"]}]}, r"no \[\[run\]\] has: other"),
         ({"tables": [{**TABLE, "printed": {"best": [1.0]}}]}, "`trackers` lacks: best"),
         ({"claims": [{"kind": "beat", "statement": "x"}]}, "did you mean 'beats'"),
+        ({"claims": [{**REACHES, "others": ["bad"]}]}, "others"),
     ],
 )
 def test_mistakes_in_a_suite_are_reported(change: dict[str, Any], words: str):

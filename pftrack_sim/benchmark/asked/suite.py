@@ -76,7 +76,15 @@ class _Claim(Section):
 class _ClaimOfTracker(_Claim):
     tracker: str = Field(description="The tracker.")
     scenarios: tuple[str, ...] = Field(default=(), description="Scenarios; empty: all of the suite.")
-    others: tuple[str, ...] = ()
+
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """Trackers on which the verdict depends."""
+        return (self.tracker,)
+
+
+class _ClaimOverOthers(_ClaimOfTracker):
+    others: Names = Field(description="The trackers it is compared with, one by one.")
 
     @property
     def compared(self) -> tuple[str, ...]:
@@ -84,11 +92,10 @@ class _ClaimOfTracker(_Claim):
         return self.tracker, *self.others
 
 
-class Beats(_ClaimOfTracker):
+class Beats(_ClaimOverOthers):
     """A tracker scores higher than each of several others."""
 
     kind: Literal["beats"]
-    others: Names = Field(description="The trackers it is compared with, one by one.")
 
 
 class Harder(_Claim):
@@ -112,11 +119,10 @@ class Reaches(_ClaimOfTracker):
     value: Share = Field(description="Value that its mean over seeds reaches.")
 
 
-class KeepsPace(_ClaimOfTracker):
+class KeepsPace(_ClaimOverOthers):
     """A tracker processes nearly as many frames per second as each of several others."""
 
     kind: Literal["keeps_pace"]
-    others: Names = Field(description="The trackers it is compared with, one by one.")
     share: Positive = Field(description="Share of their frames per second that it reaches.")
 
 

@@ -117,9 +117,9 @@ class Search:
         counts = self._counts(outcomes)
         return [self._limit(label, own, outcomes) for label, own in zip(self.labels, counts, strict=True)]
 
-    def differences(self, outcomes: Outcomes) -> list[Difference]:
-        """Differences between all trackers that break within the range."""
-        breaking = {one.tracker for one in self.limits(outcomes) if one.low is not None and one.high is not None}
+    def differences(self, outcomes: Outcomes, limits: Sequence[Limit]) -> list[Difference]:
+        """Differences between all trackers that break within the range, as their `limits` tell."""
+        breaking = {one.tracker for one in limits if one.low is not None and one.high is not None}
         return [
             self._difference(*pair, outcomes) for pair in itertools.combinations(self.labels, 2) if breaking >= {*pair}
         ]
@@ -277,11 +277,14 @@ def find_limits(plan: Plan, searches: Sequence[Search], path: Path, **options: A
         return _plan_of(plan, batches) if batches else None
 
     outcomes = success.outcomes(run(plan, path, videos="none", more=more, **options))
+    limits = [one.limits(outcomes) for one in searches]
     found = Limits(
         success=success.text,
         at=searches[0].wanted.at,
-        limits=tuple(limit for one in searches for limit in one.limits(outcomes)),
-        differences=tuple(pair for one in searches for pair in one.differences(outcomes)),
+        limits=tuple(itertools.chain(*limits)),
+        differences=tuple(
+            pair for one, own in zip(searches, limits, strict=True) for pair in one.differences(outcomes, own)
+        ),
     )
     write_limits(path, found)
     return found

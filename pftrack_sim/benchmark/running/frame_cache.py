@@ -128,11 +128,12 @@ class FrameCache:
             size -= one
 
     def _entries(self) -> Iterator[tuple[float, int, Path]]:
-        """Time of the last use, size and folder of each entry."""
+        """Time of the last use, size and folder of each entry, also of one that is being written."""
         for entry in self.folder.iterdir() if self.folder.is_dir() else ():
             with contextlib.suppress(OSError):  # another process removes it
-                size = sum(file.stat().st_size for file in entry.iterdir())
-                yield entry.stat().st_mtime, size, entry
+                files = [file.stat() for file in entry.iterdir()]
+                used = max(one.st_mtime for one in (entry.stat(), *files))
+                yield used, sum(one.st_size for one in files), entry
 
 
 class DamagedEntry(Exception):
