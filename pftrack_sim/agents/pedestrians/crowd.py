@@ -31,7 +31,7 @@ from pftrack_sim.agents.pedestrians.oncoming import OncomingPass, OncomingPedest
 from pftrack_sim.agents.pedestrians.outline import Outline
 from pftrack_sim.agents.pedestrians.target import TargetWalk, Walk, walk_of
 from pftrack_sim.core.random_streams import stream
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, read_only
 from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.scenario.people import Distractors, FurtherTarget, Group, Target
 from pftrack_sim.scene.layout import WalkableArea
@@ -129,17 +129,17 @@ class Crowd:
     @property
     def positions_m(self) -> FloatArray:
         """`(P, 2)` positions on the ground [m], world frame."""
-        return _read_only(self._state[: self._robot, :2])
+        return read_only(self._state[: self._robot, :2].copy())
 
     @property
     def headings_rad(self) -> FloatArray:
         """`(P,)` headings of the bodies; 0 is +x, counter-clockwise, not wrapped."""
-        return _read_only(self._headings)
+        return read_only(self._headings.copy())
 
     @property
     def speeds_m_s(self) -> FloatArray:
         """`(P,)` walking speeds."""
-        return _read_only(np.hypot(*self._state[: self._robot, 2:].T))
+        return read_only(np.hypot(*self._state[: self._robot, 2:].T))
 
     @property
     def target_m(self) -> Xy:
@@ -268,9 +268,3 @@ class Crowd:
         """Store where those are whose way does not depend on other people."""
         for person, one in self._independent.items():
             self._state[person], self._headings[person] = one.state, one.heading_rad
-
-
-def _read_only(array: FloatArray) -> FloatArray:
-    copy = array.copy()
-    copy.setflags(write=False)
-    return copy

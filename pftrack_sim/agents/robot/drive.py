@@ -13,16 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from pftrack_sim.agents.robot.steering import Steering
 from pftrack_sim.core.proprioception import BEAM_HEIGHT_M
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, read_only
 from pftrack_sim.scenario import robot as scenario
 from pftrack_sim.scenario.camera import Camera
 from pftrack_sim.scene.layout import GROUND, HIDDEN_GROUP, body_owners
 from pftrack_sim.scene.robot import BASE, CAMERA, REST_YAW_RAD
 from pftrack_sim.scene.robot_file.motorised import GRAVITY_M_S2, wheel_share
 
-ACCELERATION = np.array([1.2, 4.0, 12.0, 8.0])
+ACCELERATION = read_only(np.array([1.2, 4.0, 12.0, 8.0]))
 """Limits of the change of forward speed [m/s^2], turn, pan and tilt rate [rad/s^2]."""
-ACCELERATION.setflags(write=False)
 _ACCELERATION: list[float] = ACCELERATION.tolist()
 
 WHEEL_UNLOADING_SHARE = 0.35
@@ -109,9 +108,8 @@ class Drive:
         self._beam_groups = np.zeros(6, dtype=np.uint8)
         self._beam_groups[HIDDEN_GROUP] = 1
         degrees = (robot.max_turn_deg_s, robot.max_pan_deg_s, robot.max_tilt_deg_s)
-        self.limits = np.array([robot.max_speed_m_s, *np.deg2rad(degrees)])
+        self.limits = read_only(np.array([robot.max_speed_m_s, *np.deg2rad(degrees)]))
         """`(4,)` highest forward speed [m/s], turn, pan and tilt rate [rad/s]."""
-        self.limits.setflags(write=False)
         self._highest: list[float] = self.limits.tolist()
         self._rest_rad = (REST_YAW_RAD[camera.mount], math.radians(camera.tilt_deg))
         self._base = model.body(BASE).id
@@ -347,8 +345,7 @@ class Equilibrium:
         rest = scratch.qpos[self._qpos].copy()
         rest[:2] -= _FAR_M
         rest[self._joints[:2] - free] = 0.0
-        rest.setflags(write=False)
-        return rest
+        return read_only(rest)
 
 
 def camera_pose(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:

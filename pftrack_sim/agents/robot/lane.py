@@ -11,7 +11,7 @@ from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.random_streams import stream
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, read_only
 from pftrack_sim.scenario import robot as scenario
 
 CLEARANCE_M = 0.2  # From the robot to a wall or a piece of furniture
@@ -162,9 +162,7 @@ def _beside(target: Path, left_m: float) -> tuple[Path, FloatArray, FloatArray]:
         # In a bend sharper than the offset the point abreast runs backwards: the robot waits there.
         near = max(near, path.project(point, near))
         s_m[index] = near
-    for array in (samples, s_m):
-        array.setflags(write=False)
-    return path, samples, s_m
+    return path, read_only(samples), read_only(s_m)
 
 
 def _room(
