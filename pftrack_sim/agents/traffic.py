@@ -76,7 +76,7 @@ class Traffic:
         """Write the poses of limbs and carts."""
         gait = self.gait
         drawn, ids = slice(self._first, None), self._part_ids
-        data.mocap_pos[ids], data.mocap_quat[ids] = gait.positions[drawn], gait.quaternions[drawn]
+        data.mocap_pos[ids], data.mocap_quat[ids] = gait.positions[drawn], quaternions(gait.rotations)[drawn]
         for index, mocaps in self._mobility_ids.items():
             rider = gait.riders[index]
             data.mocap_pos[mocaps], data.mocap_quat[mocaps] = rider.places, quaternions(rider.turned)

@@ -44,7 +44,8 @@ def test_camera_target_and_robot_are_there_in_the_episode(name: str):
     rows = []
     while world.time_s < 12.0:
         world.advance()
-        rows.append((world.time_s, *world.camera_pose()[:3, 3], *world.traffic.crowd.target_m, *world.robot_pose()[:2]))
+        target_m = world.traffic.crowd.positions_m[0]
+        rows.append((world.time_s, *world.camera_pose()[:3, 3], *target_m, *world.robot_pose()[:2]))
     times_s, *_ = episode = np.array(rows).T
     run = dry_run(settings, path, world.robot.script, 12.0)
     (camera, target), robot = run.at(times_s), run.robot_at(times_s)

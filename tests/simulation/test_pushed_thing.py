@@ -79,7 +79,7 @@ def test_it_bounces_off_a_robot_that_stands_and_does_not_touch_it():
         simulated.advance()
         assert simulated.collision() is None
         nearest = min(nearest, float(np.hypot(*(ball(simulated)[0][:2] - robot))))
-        places.append(simulated.traffic.crowd.target_m[0])
+        places.append(simulated.traffic.crowd.positions_m[0, 0])
     assert nearest < 0.6
     assert max(np.diff(places)) > 0.005
 

@@ -40,7 +40,7 @@ def test_the_seed_decides_and_the_scenario_keeps_its_own_path():
     assert target_path(own.resolve(4), 4) == Path(own.resolve(4).target.path_m)
     world = World(auto.resolve(4), 4, draws=False)
     assert world.path == first
-    assert np.allclose(world.traffic.crowd.target_m, first.points_m[0], atol=1e-6)
+    assert np.allclose(world.traffic.crowd.positions_m[0], first.points_m[0], atol=1e-6)
 
 
 def test_where_there_is_no_room_the_longest_way_is_told_with_its_ends():

@@ -15,7 +15,7 @@ from pftrack_sim.agents.gait.mobility import Rider
 from pftrack_sim.agents.gait.posture import PLAIN, Posture
 from pftrack_sim.agents.gait.records import ARM, FOOT, GRIP, PART, PARTS, PERSON
 from pftrack_sim.agents.gait.walk import walk
-from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.mobility import Mobility
 from pftrack_sim.scene.people.anatomy import Anatomy
 from pftrack_sim.scene.places.seats import SEAT_M
@@ -83,16 +83,6 @@ class Gait:
         self.reset(np.zeros((count, 2)), np.zeros(count), np.zeros(count))
 
     @property
-    def phase(self) -> FloatArray:
-        """`(P,)` fraction of the stride since the left heel strike."""
-        return self._people["phase"].copy()
-
-    @property
-    def in_stance(self) -> BoolArray:
-        """`(P, 2)` whether the left and the right foot are on the ground."""
-        return self._feet["in_stance"].copy()
-
-    @property
     def root_poses(self) -> FloatArray:
         """`(P, 4, 4)` poses of the people: origin on the ground below the pelvis, x forward, z up."""
         heading = self._people["heading"]
@@ -103,11 +93,6 @@ class Gait:
         poses[:, 2, 2] = poses[:, 3, 3] = 1.0
         poses[:, :2, 3] = self.positions[:, 0, :2]
         return poses
-
-    @property
-    def quaternions(self) -> FloatArray:
-        """`(P, 13, 4)` w, x, y, z of the parts."""
-        return quaternions(self.rotations)
 
     def reset(
         self,

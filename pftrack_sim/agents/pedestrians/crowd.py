@@ -142,11 +142,6 @@ class Crowd:
         return read_only(np.hypot(*self._state[: self._robot, 2:].T))
 
     @property
-    def target_m(self) -> Xy:
-        """x, y of the target [m]."""
-        return self._target.state[:2]
-
-    @property
     def tracked_m(self) -> Xy:
         """x, y of what is tracked [m]: the target, or the thing in its hands."""
         return self._target.tracked_m

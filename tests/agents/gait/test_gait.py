@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pftrack_sim.agents.gait.curves import leg_angles
-from pftrack_sim.agents.gait.gait import Gait
+from pftrack_sim.agents.gait.gait import Gait, quaternions
 from pftrack_sim.agents.gait.posture import Arm, Posture
 from pftrack_sim.agents.gait.walk import stride_length
 from pftrack_sim.scene.people.anatomy import Anatomy, sample_anatomy
@@ -98,7 +98,8 @@ def record(
         heading = heading + turn(time_s) * DT
         position = position + speed(time_s) * DT * np.stack([np.cos(heading), np.sin(heading)], -1)
         gait.advance(DT, position, heading, [Posture(crouch=crouch(time_s), running=bool(run(time_s)))] * COUNT)
-        ticks.append((gait.positions, gait.rotations, gait.in_stance, gait.phase, gait.root_poses, position))
+        stands, phases = gait._feet["in_stance"].copy(), gait._people["phase"].copy()
+        ticks.append((gait.positions, gait.rotations, stands, phases, gait.root_poses, position))
     return Recording(anatomies, *(np.array(column) for column in zip(*ticks, strict=True)))
 
 
@@ -306,12 +307,12 @@ def test_reset_clears_the_state():
     gait = gait_of(bodies())
     start = np.zeros((COUNT, 2)), np.zeros(COUNT), np.full(COUNT, 1.2)
     gait.reset(*start)
-    fresh = gait.positions, gait.quaternions
+    fresh = gait.positions, gait.rotations
     for tick in range(50):
         everything = Posture(1.0, 1.0, 1.0, True, 1.0, (None, Arm(1.0, 2.0, 1.0)))
         gait.advance(DT, np.full((COUNT, 2), 0.02 * tick), np.full(COUNT, 0.01 * tick), [everything] * COUNT)
     gait.reset(*start)
-    for before, after in zip(fresh, (gait.positions, gait.quaternions), strict=True):
+    for before, after in zip(fresh, (gait.positions, gait.rotations), strict=True):
         assert np.array_equal(before, after)
 
 
@@ -328,9 +329,9 @@ def test_quaternions_and_rotations_agree():
     gait = gait_of(bodies() * 4)
     rng = np.random.default_rng(0)
     for _ in range(30):
-        heading, sit = rng.uniform(-np.pi, np.pi, len(gait.phase)), Posture(bend=rng.random(), look_rad=rng.normal())
+        heading, sit = rng.uniform(-np.pi, np.pi, 4 * COUNT), Posture(bend=rng.random(), look_rad=rng.normal())
         gait.advance(DT, rng.normal(size=(len(heading), 2)), heading, [sit] * len(heading))
-        converted = Rotation.from_quat(gait.quaternions.reshape(-1, 4), scalar_first=True).as_matrix()
+        converted = Rotation.from_quat(quaternions(gait.rotations).reshape(-1, 4), scalar_first=True).as_matrix()
         assert np.abs(converted.reshape(gait.rotations.shape) - gait.rotations).max() < 1e-12
 
 

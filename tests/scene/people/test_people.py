@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim import scenario
-from pftrack_sim.agents.gait.gait import Gait
+from pftrack_sim.agents.gait.gait import Gait, quaternions
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.scenario.clothes import Clothes
 from pftrack_sim.scene.build import add_agents
@@ -165,9 +165,9 @@ def test_model_of_six_people():
     gait = Gait([sampled.anatomy for sampled in people], [rng(index) for index in range(6)])
     start = np.array([[1.5 * index, 0.3] for index in range(6)])
     gait.reset(start, np.zeros(6), np.full(6, 1.2))
-    positions, quaternions = gait.positions, gait.quaternions
+    positions = gait.positions
     parts = part_mocap_ids(model, [sampled.name for sampled in people])
-    data.mocap_pos[parts], data.mocap_quat[parts] = positions, quaternions
+    data.mocap_pos[parts], data.mocap_quat[parts] = positions, quaternions(gait.rotations)
     mujoco.mj_forward(model, data)
     for index, sampled in enumerate(people):
         for part, name in enumerate(PARTS):
