@@ -18,20 +18,7 @@ from pftrack_sim.agents.pushed_thing import PushedWalk, PushedWay
 from pftrack_sim.scenario import people
 from pftrack_sim.scenario.axes import TargetAxis
 from pftrack_sim.scenario.mobility import ABLE, TOP_SPEED_M_S
-from pftrack_sim.scenario.people import (
-    Action,
-    Approach,
-    Face,
-    Item,
-    Pace,
-    Run,
-    Target,
-    Turn,
-    WalkOff,
-    end_s,
-    held_share,
-    title,
-)
+from pftrack_sim.scenario.people import Action, Item, Target, end_s, held_share
 
 DECELERATION_M_S2 = 0.8  # To a stop at the end of the path; also the acceleration afterwards.
 MAX_BRAKING_M_S2 = 2.5  # For a robot in the way.
@@ -134,7 +121,7 @@ class TargetWalk:
         action = self._action
         if action is None or self._time_s < action.at_s:
             return Command(self._walking_speed_m_s)
-        if not self._begun and isinstance(action, Face):
+        if not self._begun and isinstance(action, people.Face):
             sight_rad = math.atan2(self.state[1] - camera_m[1], self.state[0] - camera_m[0])
             turn_rad = sight_rad + _TOWARDS_RAD[action.towards] - self.heading_rad
             self._asked_rad = math.remainder(turn_rad, 2.0 * math.pi)
@@ -290,13 +277,13 @@ def impossible_actions(path: Path, target: Target, axis: TargetAxis, until_s: fl
     problems: list[str] = []
     listed = sorted(enumerate(target.actions), key=lambda item: item[1].at_s)
     # Only these need a part of the path.
-    kinds = Turn | Approach | Run | Pace | WalkOff
+    kinds = people.Turn | people.Approach | people.Run | people.Pace | people.WalkOff
     planned = [(index, action) for index, action in listed if action.at_s < until_s and isinstance(action, kinds)]
     places = places_alone(path, target, axis, [action.at_s for _, action in planned])
     for (index, action), (s_m, _) in zip(planned, places, strict=True):
-        left_m, what = path.length_m - s_m, f"{name}.{title(index, action)}"
-        if isinstance(action, Turn | Approach) and s_m < action.back_m:
+        left_m, what = path.length_m - s_m, f"{name}.{people.title(index, action)}"
+        if isinstance(action, people.Turn | people.Approach) and s_m < action.back_m:
             problems.append(f"{what}: walks back {action.back_m:.1f} m, but is only {s_m:.1f} m along its path by then")
-        if isinstance(action, Run | Pace | WalkOff) and left_m < _LEAST_WAY_M:
+        if isinstance(action, people.Run | people.Pace | people.WalkOff) and left_m < _LEAST_WAY_M:
             problems.append(f"{what}: only {left_m:.1f} m of its path, {path.length_m:.1f} m long, are left by then")
     return problems
