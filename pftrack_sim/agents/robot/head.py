@@ -73,7 +73,6 @@ class Events:
     """
 
     def __init__(self, per_minute: float, length_s: float, rng: np.random.Generator) -> None:
-        self._begins_s: list[float] = []
         self._events: list[Event] = []
         if per_minute > 0.0:
             pause_s = max(60.0 / per_minute - length_s, 0.5)
@@ -83,15 +82,13 @@ class Events:
             pauses[0] = _START_S + pause_s * draws[0, 1]
             begins = np.cumsum(pauses) + np.concatenate([[0.0], np.cumsum(lengths[:-1])])
             sizes = np.where(draws[:, 2] < 0.5, -1.0, 1.0) * (0.7 + 0.6 * draws[:, 3])
-            self._begins_s = begins.tolist()
             self._events = [Event(*row) for row in np.stack([begins, lengths, sizes], axis=1).tolist()]
 
     def at(self, time_s: float) -> Event | None:
         """The event that is going on, or None."""
-        index = bisect.bisect_right(self._begins_s, time_s) - 1
-        if index < 0 or time_s >= self._begins_s[index] + self._events[index].length_s:
-            return None
-        return self._events[index]
+        index = bisect.bisect_right(self._events, time_s, key=lambda event: event.begin_s) - 1
+        event = self._events[index] if index >= 0 else None
+        return event if event is not None and time_s < event.begin_s + event.length_s else None
 
 
 class Wander:
