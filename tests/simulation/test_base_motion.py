@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pftrack_sim import scenario
 from pftrack_sim.agents.robot.motion import rotation_of
@@ -33,7 +33,7 @@ def recording(path: Path, form: str = "degrees") -> str:
     along = 0.5 * TIMES_S + SHAKEN["x"]
     places = np.stack([cos * along, sin * along, 0.3 + SHAKEN["z"]], axis=1)
     angles = np.stack([SHAKEN["roll"], SHAKEN["pitch"], np.full_like(TIMES_S, HEADING_RAD)], axis=1)
-    quaternions = np.array([quaternion(rotation_of(one)) for one in angles])
+    quaternions = Rotation.from_matrix(rotation_of(angles)).as_quat(scalar_first=True)
     head, columns = {
         "degrees": ("time_s,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg", [TIMES_S + 7.0, places, np.degrees(angles)]),
         "radians": ("time_s,x_m,y_m,z_m,roll_rad,pitch_rad,yaw_rad", [TIMES_S, places, angles]),
@@ -44,12 +44,6 @@ def recording(path: Path, form: str = "degrees") -> str:
         file.write(head + "\n")
         np.savetxt(file, rows, delimiter=",", fmt="%.12g")
     return str(path)
-
-
-def quaternion(rotation: np.ndarray) -> np.ndarray:
-    vector = cv2.Rodrigues(rotation)[0][:, 0]
-    angle = np.linalg.norm(vector)
-    return np.append(np.cos(angle / 2), np.sin(angle / 2) * vector / max(angle, 1e-12))
 
 
 def episode(frames: int, **robot: Any) -> list[tuple[Any, ...]]:

@@ -14,6 +14,7 @@ import pytest
 from driving import driven
 from observing import mujocos_renderer
 from robot_files import EYE, LENS_AT, MJCF, PAN_AT, TILT_AT, URDF, stl, write_mjcf, write_urdf
+from scipy.spatial.transform import Rotation
 
 from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.core import boxes
@@ -40,11 +41,7 @@ def simulation(file: Path, keys: dict[str, object] | None = None, name: str = "p
 
 
 def turned(axis: int, angle: float) -> np.ndarray:
-    cos, sin = math.cos(angle), math.sin(angle)
-    a, b = (axis + 1) % 3, (axis + 2) % 3
-    rotation = np.eye(3)
-    rotation[a, a], rotation[a, b], rotation[b, a], rotation[b, b] = cos, -sin, sin, cos
-    return rotation
+    return Rotation.from_euler("xyz"[axis], angle).as_matrix()
 
 
 def reading(world: object, name: str) -> float:
