@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from itertools import pairwise
 from typing import Any, get_args
 
 import mujoco
@@ -11,9 +10,11 @@ import pytest
 from numpy.typing import ArrayLike
 
 from pftrack_sim import scenario
+from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
+from pftrack_sim.agents.robot.lane import Lane
 from pftrack_sim.core.random_streams import stream
-from pftrack_sim.scenario.model import Lights, Place, ResolvedScenario
+from pftrack_sim.scenario.model import Lights, Place
 from pftrack_sim.scene.build import build_stage
 from pftrack_sim.scene.layout import (
     CONTACT_HEIGHT_M,
@@ -50,28 +51,14 @@ def clearance_m(area: WalkableArea, points: ArrayLike) -> float:
     return float(ObstacleMap(area).distances(np.transpose(points))[:, : len(area.footprints)].min())
 
 
-def resampled(points: np.ndarray, step_m: float = 0.1) -> np.ndarray:
-    """Points every `step_m` on a polyline."""
-    pieces = []
-    for a, b in pairwise(points):
-        count = max(2, int(np.linalg.norm(b - a) / step_m))
-        pieces.append(a + np.linspace(0.0, 1.0, count)[:, None] * (b - a))
-    return np.concatenate(pieces)
+def sampled(path: Path, from_m: float = 0.0) -> np.ndarray:
+    """Points every 10 cm on a path, to its end."""
+    return np.stack(path.at(np.append(np.arange(from_m, path.length_m, 0.1), path.length_m))[:2], axis=1)
 
 
-def robot_track(settings: ResolvedScenario) -> np.ndarray:
-    """Approximate track of the robot: behind the target on its path, or beside it."""
-    path = np.array(settings.target.path_m)
-    first = (path[1] - path[0]) / np.linalg.norm(path[1] - path[0])
-    route = settings.robot.route
-    if route.kind == "trail":
-        return resampled(np.vstack([path[0] - route.distance_m * first, path]))
-    assert route.kind == "beside"
-    track = resampled(path)
-    heading = np.gradient(track, axis=0)
-    heading /= np.linalg.norm(heading, axis=1, keepdims=True)
-    right = np.column_stack([heading[:, 1], -heading[:, 0]])
-    return track + (1.0 if route.side == "right" else -1.0) * route.distance_m * right
+def resampled(points: np.ndarray) -> np.ndarray:
+    """Points every 10 cm on a polyline."""
+    return sampled(Path(points, corner_m=0.0))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -155,7 +142,9 @@ def test_shipped_paths_of_target_and_robot_keep_clear_of_obstacles(name: str, se
     assert abs(np.arctan2(heading[1], heading[0])) < 0.15, "paths begin along +x, the heading of the robot at start"
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     assert length >= settings.target.speed_m_s * settings.duration_s, "the target walks until the end"
-    for track, margin in ((walked, 0.6), (robot_track(settings), 0.5)):
+    lane = Lane.of(settings.robot, Path(path))
+    assert lane is not None
+    for track, margin in ((walked, 0.6), (sampled(lane.path, lane.start_m), 0.5)):
         assert (track[:, 0].min(), track[:, 1].min()) >= (left, low)
         assert track[:, 0].max() <= right - 0.5
         assert track[:, 1].max() <= high - 0.5
