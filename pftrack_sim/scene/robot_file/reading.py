@@ -54,9 +54,7 @@ def read_spec(model: str) -> tuple[mujoco.MjSpec, Path]:
     """The spec of the file at a path, or of `menagerie:NAME`, and its path; errors are those of `compile_file`."""
     path = _menagerie(model.removeprefix(MENAGERIE)) if model.startswith(MENAGERIE) else Path(model)
     try:
-        text = read_bytes(path, _MAX_XML_BYTES).decode()
-    except OSError as error:
-        raise ParameterError(f"{path}: cannot be read: {error.strerror or error}") from None
+        text = _content(path, _MAX_XML_BYTES).decode()
     except UnicodeDecodeError:
         raise ParameterError(f"{path}: is neither MJCF nor URDF: no UTF-8 text") from None
     try:
@@ -114,7 +112,7 @@ def _urdf(root: ET.Element, path: Path) -> mujoco.MjSpec:
             # MuJoCo names meshes after their files, which may have the same name in several folders.
             suffix = found.suffix.lower()
             files[given] = f"{found.stem}-{len(files)}{'.msh' if suffix == '.dae' else suffix}"
-            content = _mesh_bytes(found)
+            content = _content(found, _MAX_MESH_BYTES)
             if suffix == ".dae":
                 try:
                     vertices, faces = read_collada(content)
@@ -147,9 +145,9 @@ def _places(given: str, path: Path) -> Iterator[Path]:
         yield folder / file.partition("/")[2]
 
 
-def _mesh_bytes(file: Path) -> bytes:
+def _content(file: Path, most_bytes: int) -> bytes:
     try:
-        return read_bytes(file, _MAX_MESH_BYTES)
+        return read_bytes(file, most_bytes)
     except OSError as error:
         raise ParameterError(f"{file}: cannot be read: {error.strerror or error}") from None
 
@@ -166,7 +164,7 @@ def _check_meshes(spec: mujoco.MjSpec, path: Path) -> None:
         file = folder / mesh.file
         if content is None and not is_file(file):
             raise ParameterError(f"{path}: no mesh {str(file)!r}")
-        found = _triangles(file.suffix.lower(), _mesh_bytes(file) if content is None else content)
+        found = _triangles(file.suffix.lower(), _content(file, _MAX_MESH_BYTES) if content is None else content)
         total += found
         if total > MAX_TRIANGLES:
             raise ParameterError(
