@@ -38,7 +38,6 @@ class CarriedItems:
         self._target = target
         self._mocap_ids = [int(model.body_mocapid[model.body(one.item).id]) for one in target.carries]
         self._anatomy = anatomy
-        self._torso_m = anatomy.torso_m
         # Where each thing lies, or would lie if it were let go now.
         self._rests = {
             item: (*(np.array([x, y]) + turned_by(heading)[:2, :2] @ _REACH_M[item]).tolist(), heading)
@@ -74,7 +73,7 @@ class CarriedItems:
                 middle, upright = between_hands(self._anatomy, positions, rotations)
                 return middle + upright @ (-0.05, 0.0, 0.06), upright
             case "backpack":
-                return torso + turned @ (-0.185, 0.0, 0.52 * self._torso_m), turned
+                return torso + turned @ (-0.185, 0.0, 0.52 * self._anatomy.torso_m), turned
             case "umbrella":
                 return _hand(_RIGHT_HAND, self._anatomy, positions, rotations), turned_by(yaw, *_UMBRELLA_TILT)
 

@@ -23,12 +23,11 @@ FEET = [PARTS.index("left-foot"), PARTS.index("right-foot")]
 OfTime = Callable[[float], float]
 
 
-def zero(time_s: float) -> float:
-    return 0.0
-
-
 def constant(value: float) -> OfTime:
     return lambda time_s: value
+
+
+zero = constant(0.0)
 
 
 def smooth_step(share: float) -> float:
