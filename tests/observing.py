@@ -25,6 +25,19 @@ from pftrack_sim.truth.observer import TruthObserver
 
 Drawing = Callable[[Stage], Rasteriser]
 
+PLACES = [name for name in scenario.names() if name.startswith("easy/")]
+"""One scenario for each place; the suites use the same places."""
+CALM: dict[str, Any] = {
+    "camera.width_px": 160,
+    "camera.height_px": 120,
+    "lights.shadows": False,
+    "distractors.count": 0,
+    "occluders": [],
+    "jitter.angular_rms_deg": 0.0,
+    "jitter.translational_rms_mm": 0.0,
+}
+"""Nobody and nothing but the target, seen by a small steady camera."""
+
 
 def observed(stage: Stage, pose: np.ndarray) -> dict[str, Truth]:
     """Truth by name, from a new observer."""

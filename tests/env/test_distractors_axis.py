@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from observing import PLACES
 
 from pftrack_sim import scenario
 from pftrack_sim.core.records import Frame
@@ -11,8 +12,6 @@ from pftrack_sim.scenario.axes import DistractorsAxis
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.simulation.world import World
 
-PLACES = [name for name in scenario.names() if name.startswith("easy/")]
-"""One scenario for each place; the suites use the same places."""
 BASE: dict[str, Any] = {"lights.shadows": False}
 
 

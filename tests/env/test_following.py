@@ -7,12 +7,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from driving import always, driven
+from observing import PLACES
 
 from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.env.tasks import following_reward
 
-PLACES = [name for name in scenario.names() if name.startswith("easy/")]
-"""One scenario for each place; the suites use the same places."""
 SMALL = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadows": False, "duration_s": 10}
 
 

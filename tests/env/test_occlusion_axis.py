@@ -5,24 +5,14 @@ from typing import Any
 import numpy as np
 import observing
 import pytest
+from observing import CALM, PLACES
 
-from pftrack_sim import scenario
 from pftrack_sim.core.records import Truth
 from pftrack_sim.scenario.axes import OcclusionAxis
 from pftrack_sim.scene.occluders import axis_occluders
 
-PLACES = [name for name in scenario.names() if name.startswith("easy/")]
-"""One scenario for each place; the suites use the same places."""
 AT_S, RATE_HZ, FRAMES = 2.6, 30.0, 2
-CLEAR: dict[str, Any] = {
-    "camera.width_px": 240,
-    "camera.height_px": 180,
-    "lights.shadows": False,
-    "distractors.count": 0,
-    "occluders": [],
-    "jitter.angular_rms_deg": 0.0,
-    "jitter.translational_rms_mm": 0.0,
-}
+CLEAR: dict[str, Any] = {**CALM, "camera.width_px": 240, "camera.height_px": 180}
 NEXT_TO_PILLARS_AT_S = 3.1
 """In the warehouse: the pillars of the place are not in the line of sight around this time."""
 

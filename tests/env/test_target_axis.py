@@ -5,23 +5,12 @@ from typing import Any
 import numpy as np
 import observing
 import pytest
+from observing import CALM, PLACES
 
-from pftrack_sim import scenario
 from pftrack_sim.core.records import Truth
 from pftrack_sim.scenario.axes import TargetAxis
 
-PLACES = [name for name in scenario.names() if name.startswith("easy/")]
-"""One scenario for each place; the suites use the same places."""
 RATE_HZ = 30.0
-CALM: dict[str, Any] = {
-    "camera.width_px": 160,
-    "camera.height_px": 120,
-    "lights.shadows": False,
-    "distractors.count": 0,
-    "occluders": [],
-    "jitter.angular_rms_deg": 0.0,
-    "jitter.translational_rms_mm": 0.0,
-}
 ONLY_MANOEUVRES: dict[str, Any] = {"faster_m_s": 0.0, "range_m": 0.0, "leave_s": 0.0, "at_s": 0.5}
 
 
