@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -63,24 +62,6 @@ class Khan2011Parameters(WalkParameters):
     learn_above: Share = 0.9
 
 
-@dataclass(frozen=True)
-class BoxWalk:
-    """A random walk of the box, and one of its angle.
-
-    Attributes:
-        walk: That of centre, width and height.
-        sigma_angle: Standard deviation of the angle's noise [rad].
-    """
-
-    walk: RandomWalk
-    sigma_angle: float
-
-    def draw(self, states: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """`(N, 5)` next states, given `(N, 5)` states."""
-        moved = self.walk.draw(states[:, :4], rng)
-        return np.column_stack([moved, states[:, 4] + self.sigma_angle * rng.standard_normal(len(states))])
-
-
 class Khan2011(WalkTracker[Khan2011Parameters]):
     """The tracker."""
 
@@ -99,7 +80,9 @@ class Khan2011(WalkTracker[Khan2011Parameters]):
     def _follow(self, image: Image) -> Estimate:
         p, particle_filter = self.params, self._filter
         walk = RandomWalk(p.sigma_px(self._state), p.size_correlation)
-        particle_filter.predict(BoxWalk(walk, p.sigma_angle))
+        walked = walk.draw(particle_filter.states[:, :4], self._rng)
+        angles = particle_filter.states[:, 4] + p.sigma_angle * self._rng.standard_normal(p.particle_count)
+        particle_filter.states = np.column_stack([walked, angles])
         clip_states(particle_filter.states, image)
         region, codes = self._encode(image, particle_filter.states)
         local = _to_region(particle_filter.states, region)
