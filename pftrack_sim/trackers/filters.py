@@ -7,6 +7,7 @@ observation is a vector that changes smoothly with the state.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
 
@@ -26,14 +27,6 @@ class Dynamics(Protocol):
         ...
 
 
-class Normals(Protocol):
-    """A source of standard normal noise."""
-
-    def draw(self, count: int) -> FloatArray:
-        """`(count, D)` next values."""
-        ...
-
-
 @dataclass(frozen=True)
 class RandomWalk:
     """First-order autoregression with coefficient 1: previous state plus Gaussian noise (Ko et al. 2012, eq. 11).
@@ -41,16 +34,16 @@ class RandomWalk:
     Attributes:
         sigma: `(D,)` standard deviation of each component's noise, in the component's unit.
         last_two_correlation: Correlation of the noises of the last two components, in [0, 1]: 0 as printed.
-        normals: Source of the `(N, D)` standard normal noise; None for independent draws.
+        normals: Gives the next `(N, D)` standard normal noise for N; None for independent draws.
     """
 
     sigma: tuple[float, ...]
     last_two_correlation: float = 0.0
-    normals: Normals | None = None
+    normals: Callable[[int], FloatArray] | None = None
 
     def draw(self, states: FloatArray, rng: np.random.Generator) -> FloatArray:
         """`(N, D)` next states, given `(N, D)` states."""
-        noise = rng.standard_normal(states.shape) if self.normals is None else self.normals.draw(len(states))
+        noise = rng.standard_normal(states.shape) if self.normals is None else self.normals(len(states))
         if self.last_two_correlation == 1.0:
             noise[:, -1] = noise[:, -2]
         elif self.last_two_correlation:

@@ -102,7 +102,7 @@ def test_sobol_normals_go_on_and_depend_on_their_generator_alone():
 
 def test_a_random_walk_takes_its_noise_from_a_given_source():
     states, source = np.arange(12.0).reshape(3, 4), SobolNormals(4, np.random.default_rng(3))
-    walk = RandomWalk((1.0, 2.0, 0.0, 0.5), normals=SobolNormals(4, np.random.default_rng(3)))
+    walk = RandomWalk((1.0, 2.0, 0.0, 0.5), normals=SobolNormals(4, np.random.default_rng(3)).draw)
     expected = states + source.draw(3) * [1.0, 2.0, 0.0, 0.5]
     assert np.allclose(walk.draw(states, np.random.default_rng(0)), expected, rtol=0, atol=1e-12)
 

@@ -179,7 +179,7 @@ class Yang2005(BoxFilterTracker[Yang2005Parameters, CascadeRegion]):
         self._kept = dict(zip(STAGES, (p.keep_colour, p.keep_orientation, p.keep_haar, 1.0), strict=True))
 
     def _learn_first(self, image: Image, box: Box) -> None:
-        self._normals = SobolNormals(4, self._rng) if self.params.quasi_random else None
+        self._normals = SobolNormals(4, self._rng).draw if self.params.quasi_random else None
         seen = self.observe(image, box[None])
         self._model = {stage: seen.features(stage, box[None])[0] for stage in STAGES}
 
