@@ -59,9 +59,7 @@ class PartColours:
         self._means = first.copy()
         self._usual, self._count = FIRST_LIKENESS, 1
 
-    def describe(self, pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> Histograms:
-        """See the function `describe`."""
-        return describe(pyramid, centre, size)
+    describe = staticmethod(describe)
 
     def likeness(self, found: Histograms) -> float:
         """Likeness of `(3, BINS^3)` histograms with the target's, as a share of what is usual for the target."""

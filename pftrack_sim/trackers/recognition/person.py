@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.types import FloatArray
-from pftrack_sim.trackers.recognition.parts import Histograms, PartColours, describe
+from pftrack_sim.trackers.recognition.parts import FIRST_LIKENESS, RATE, Histograms, PartColours, describe
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 
 NETWORK = "person.onnx"  # Among the assets
@@ -33,8 +33,6 @@ FITS = (0.04, 0.1)
 SLACK = (0.04, 0.05)
 """Nothing is corrected up to this shift and growth, by which views of a person vary."""
 
-FIRST_LIKENESS = 0.85  # Usual likeness before any was seen
-RATE = 0.01  # Least weight of a new frame
 SLOPE = 1.08
 """Of the likeness over the vectors' product: a product of 0.88 of the usual one is as alike as colours of 0.87."""
 STRETCH = 1.45
@@ -117,15 +115,16 @@ class KnownPerson:
     @classmethod
     def found(cls, pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> KnownPerson | None:
         """The person in a box; None where there is none, or none who fills it as people fill their boxes."""
-        view = _described(pyramid, centre, size)
+        view = cls.describe(pyramid, centre, size)
         shift, growth = FILLS
         fills = abs(view.growth) < growth and float(np.abs(view.shift).max()) < shift
         fills = fills and float(size[0]) < WIDEST * float(size[1])
         return cls(view) if fills and view.person > IS_PERSON and view.visible > PART else None
 
-    def describe(self, pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> PersonView:
+    @staticmethod
+    def describe(pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> PersonView:
         """What is seen in a box of `(2,)` width and height [px] around `(2,)` x, y."""
-        return _described(pyramid, centre, size)
+        return look(pyramid, centre, size)._replace(parts=describe(pyramid, centre, size))
 
     @property
     def identity(self) -> NDArray[np.float32]:
@@ -209,10 +208,6 @@ class KnownPerson:
 def _beyond(slack: tuple[float, float], shift: FloatArray, growth: float) -> tuple[FloatArray, float]:
     most, grown = slack
     return shift - np.clip(shift, -most, most), growth - min(max(growth, -grown), grown)
-
-
-def _described(pyramid: ImagePyramid, centre: FloatArray, size: FloatArray) -> PersonView:
-    return look(pyramid, centre, size)._replace(parts=describe(pyramid, centre, size))
 
 
 @cache
