@@ -64,11 +64,6 @@ class PixelMixture:
         self._second_moment = self.shares[1] * (np.square(start) + params.sigma_stable**2)
         self._rate = 1.0 - 0.5 ** (1.0 / params.half_life)
 
-    @property
-    def expected(self) -> FloatArray:
-        """`(d,)` mean of the mixture at each pixel."""
-        return np.einsum("ij,ij->j", self.shares, self.means)
-
     def learn(self, patch: NDArray[np.float32]) -> None:
         """One step of on-line EM on a `(d,)` patch, with forgetting (Jepson et al. 2003, sec. 4; Zhou et al. 2004)."""
         observed = patch.astype(np.float64)
@@ -121,8 +116,8 @@ class PixelMixture:
         return float(out.mean(axis=1).max()) if rule == "most" else float(out.all(axis=0).mean())
 
     def similarity(self, patch: NDArray[np.float32]) -> float:
-        """Correlation of a `(d,)` patch with the expected one, in [0, 1]; 0 where it is negative."""
-        expected = self.expected
+        """Correlation of a `(d,)` patch with the mixture's mean, in [0, 1]; 0 where it is negative."""
+        expected = np.einsum("ij,ij->j", self.shares, self.means)
         lengths = float(np.linalg.norm(patch)) * float(np.linalg.norm(expected))
         return min(max(float(patch @ expected) / lengths, 0.0), 1.0) if lengths > 0.0 else 0.0
 
