@@ -32,7 +32,6 @@ from pftrack_sim.trackers.recognition.search import (
     SEARCH_AFTER,
     SETTLED,
     Doubt,
-    Looks,
     Place,
     Reach,
     likeness_at,
@@ -162,19 +161,6 @@ class Pftrack(BaseTracker):
     def __init__(self, params: PftrackParameters) -> None:
         super().__init__()
         self.params = params
-        self._size = np.ones(2)
-        self._side = 1.0
-        self._scale: float = 1.0
-        self._sure_scale: float = 1.0
-        self._centre = np.zeros(2)
-        self._velocity: FloatArray = np.zeros(2)
-        self._frame = 0
-        self._filter: CorrelationFilter
-        self._colour: ColourModel
-        self._scales: ScaleFilter
-        self._camera: CameraMotion
-        self._looks: Looks
-        self._usual: FloatArray | None = None
 
     def _start(self, image: Image, box: Box) -> None:
         p = self.params
