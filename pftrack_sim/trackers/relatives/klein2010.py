@@ -202,8 +202,10 @@ class BoostedTracker(BoxFilterTracker[BoostedT, Measure]):
         self.classifier = train(self._first, self._positive, np.ones(len(self._first)), self.params.rounds)
 
     def observe(self, image: Image, near: FloatArray) -> Measure:
-        """The features of a frame."""
-        return self._measure(image, self._with_surround(near))
+        """The features of a frame, also in the samples around boxes."""
+        reach = self.params.negative_to * near[-1, 2:]
+        low, high = near[:, :2].min(axis=0) - reach, (near[:, :2] + near[:, 2:]).max(axis=0) + reach
+        return self._measure(image, np.stack([np.concatenate([low, high - low]), near[-1]]))
 
     def confidences(self, seen: Measure, wanted: FloatArray) -> FloatArray:
         """`(N,)` confidence in [-1, 1] of `(N, 4)` boxes [px], of the classifier of the frames before."""
@@ -216,12 +218,6 @@ class BoostedTracker(BoxFilterTracker[BoostedT, Measure]):
     def similarity(self, seen: Measure, box: Box) -> float:
         """Confidence of a `(4,)` box [px] in [0, 1]."""
         return min(max(0.5 + 0.5 * float(self.confidences(seen, box[None])[0]), 0.0), 1.0)
-
-    def _with_surround(self, near: FloatArray) -> FloatArray:
-        """`(2, 4)` the hull of `(N, 4)` boxes [px] and of the samples around them, and the last box."""
-        reach = self.params.negative_to * near[-1, 2:]
-        low, high = near[:, :2].min(axis=0) - reach, (near[:, :2] + near[:, 2:]).max(axis=0) + reach
-        return np.stack([np.concatenate([low, high - low]), near[-1]])
 
     def _learn(self, seen: Measure, box: Box) -> None:
         p = self.params
