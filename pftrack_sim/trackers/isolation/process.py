@@ -366,10 +366,6 @@ class TrackerProcesses:
         with self._lock:
             self._serve_once.add(repr(code))
 
-    def __len__(self) -> int:
-        with self._lock:
-            return sum(map(len, self._idle.values()))
-
     def close(self) -> None:
         """End the processes that are kept. May be called twice."""
         with self._lock:
