@@ -19,6 +19,7 @@ from pftrack_sim import trackers
 from pftrack_sim.core.errors import ParameterError, PftrackError, TrackerError
 from pftrack_sim.core.image_files import encode
 from pftrack_sim.trackers.isolation import IsolatedTracker, TrackerCode
+from pftrack_sim.trackers.trax import client as client_module
 from pftrack_sim.trackers.trax.client import Message, TraxTracker, decode_box, encode_box, parse
 from pftrack_sim.trackers.trax.server import serve
 
@@ -28,9 +29,8 @@ HELLO = '@@TRAX:hello "trax.version=3" "trax.image=memory;" "trax.region=rectang
 STATE = '@@TRAX:state "1,2,3,4"'
 
 
-def replies(*lines: str, hello_s: float = 20.0) -> TraxTracker:
-    command = [sys.executable, "-S", str(PROGRAMS / "replies.py"), *lines]
-    return TraxTracker(command, properties={}, hello_s=hello_s)
+def replies(*lines: str) -> TraxTracker:
+    return TraxTracker([sys.executable, "-S", str(PROGRAMS / "replies.py"), *lines], properties={})
 
 
 printable = st.text(st.characters(codec="utf-8", exclude_characters="\r\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029"))
@@ -164,9 +164,11 @@ def test_a_lost_target_keeps_the_last_box_without_confidence():
         ([HELLO, f"{STATE}\n{STATE}", *[STATE] * 40], "without a request"),
     ],
 )  # fmt: skip
-def test_a_wrong_program_is_one_clear_error(lines: list[str], words: str):
+def test_a_wrong_program_is_one_clear_error(lines: list[str], words: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(client_module, "HELLO_S", 0.5 if lines[0] == "silence" else 20.0)
+
     def run() -> None:
-        tracker = replies(*lines, hello_s=0.5 if lines[0] == "silence" else 20.0)
+        tracker = replies(*lines)
         tracker.init(IMAGE, [5, 4, 6, 8])
         # A message too many is noticed at the first update after it has arrived.
         for _ in range(max(2, len(lines) - 2)):

@@ -198,23 +198,22 @@ class TraxTracker(BaseTracker):
     Args:
         command: Program and arguments.
         properties: Sent when it is initialised.
-        hello_s: Time for its greeting.
 
     Raises:
         TrackerError: The program does not exist, or ended, or did not say hello.
     """
 
-    def __init__(self, command: list[str], *, properties: Mapping[str, str], hello_s: float = HELLO_S) -> None:
+    def __init__(self, command: list[str], *, properties: Mapping[str, str]) -> None:
         super().__init__()
-        self._command, self._properties, self._hello_s = command, dict(properties), hello_s
-        self._session = _Session(command, hello_s)
+        self._command, self._properties = command, dict(properties)
+        self._session = _Session(command)
         self._fresh = True
         self._box: Box
 
     def _start(self, image: Image, box: Box) -> None:
         if not self._fresh:
             self._session.close()
-            self._session = _Session(self._command, self._hello_s)
+            self._session = _Session(self._command)
         self._fresh, self._box = False, box
         self._ask(image, box)
 
@@ -250,7 +249,7 @@ class TraxTracker(BaseTracker):
 class _Session:
     """The running program and what it said in its greeting."""
 
-    def __init__(self, command: list[str], hello_s: float) -> None:
+    def __init__(self, command: list[str]) -> None:
         self._name = command[0]
         if shutil.which(command[0]) is None:
             raise TrackerError(f"no program {command[0]!r} for a TraX tracker: it is neither a file nor on the PATH")
@@ -268,7 +267,7 @@ class _Session:
         self._received: queue.Queue[_Received] = queue.Queue(_QUEUE)
         assert self._process.stdout is not None
         threading.Thread(target=_receive, args=(self._process.stdout, self._received), daemon=True).start()
-        hello = self._next(hello_s, "say hello")
+        hello = self._next(HELLO_S, "say hello")
         if hello.kind != "hello":
             raise TrackerError(f"its first TraX message must be hello, got {hello.kind!r}")
         try:
