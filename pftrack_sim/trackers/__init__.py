@@ -17,7 +17,7 @@ filters; one module per paper combines them and holds its parameters.
 from __future__ import annotations
 
 from pftrack_sim.trackers.base import PRESETS, NeedsDetections, NeedsTruth
-from pftrack_sim.trackers.multi_object import FollowedPerson, MultiObjectTracker
+from pftrack_sim.trackers.multi_object.followed import FollowedPerson, MultiObjectTracker
 from pftrack_sim.trackers.registry import code_digest, describe, factory, is_builtin, make, names
 
 __all__ = [

@@ -20,7 +20,7 @@ from pftrack_sim.core.boxes import Box, centre, from_states, to_states
 from pftrack_sim.core.records import Detections, Image, TrackedBoxes
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.features.histogram import histogram, uniform_layout
-from pftrack_sim.trackers.multi_object import FollowedPerson
+from pftrack_sim.trackers.multi_object.followed import FollowedPerson
 from pftrack_sim.trackers.parameters import Count, NotNegative, Parameters, Positive, Share
 
 _SHIFT = 4
