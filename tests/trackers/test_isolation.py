@@ -43,6 +43,16 @@ def test_children_in_sessions_of_their_own_end_with_the_tracker(namespaces: bool
     assert not child.exists()
 
 
+def fails_at_the_second_update(name: str, words: str, limits: Limits, *, sandboxed: bool = False) -> None:
+    code = TrackerCode(f"tests.attack.hostile_trackers:{name}", limits=limits, sandboxed=sandboxed)
+    tracker = IsolatedTracker(code, seed=0)
+    tracker.init(IMAGE, [1, 2, 3, 4])
+    tracker.update(IMAGE)
+    with pytest.raises(TrackerFault, match=words):
+        tracker.update(IMAGE)
+    tracker.close()
+
+
 @linux
 @pytest.mark.parametrize(
     ("name", "words"),
@@ -56,25 +66,13 @@ def test_children_in_sessions_of_their_own_end_with_the_tracker(namespaces: bool
     ],
 )
 def test_faults_of_a_tracker_are_named(name: str, words: str, namespaces: bool):
-    limits = Limits(frame_s=20.0 if "half" not in name else 0.5, memory_mb=100)
-    tracker = IsolatedTracker(TrackerCode(f"tests.attack.hostile_trackers:{name}", limits=limits), seed=0)
-    tracker.init(IMAGE, [1, 2, 3, 4])
-    tracker.update(IMAGE)
-    with pytest.raises(TrackerFault, match=words):
-        tracker.update(IMAGE)
-    tracker.close()
+    fails_at_the_second_update(name, words, Limits(frame_s=20.0 if "half" not in name else 0.5, memory_mb=100))
 
 
 @linux
 def test_a_tracker_with_too_many_processes_is_ended():
     limits = Limits(frame_s=20.0, memory_mb=0, processes=5)
-    code = TrackerCode("tests.attack.hostile_trackers:takes_memory_in_children", limits=limits)
-    tracker = IsolatedTracker(code, seed=0)
-    tracker.init(IMAGE, [1, 2, 3, 4])
-    tracker.update(IMAGE)
-    with pytest.raises(TrackerFault, match="started 5 processes or more"):
-        tracker.update(IMAGE)
-    tracker.close()
+    fails_at_the_second_update("takes_memory_in_children", "started 5 processes or more", limits)
 
 
 @linux

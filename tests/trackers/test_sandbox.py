@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerCode, TrackerFault, TrackerProcesses, sandbox
+from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerCode, TrackerProcesses, sandbox
 from tests.trackers import sandbox_probe
+from tests.trackers.test_isolation import fails_at_the_second_update
 from tests.trackers.test_kept_processes import played
 
 IMAGE = np.zeros((9, 12, 3), np.uint8)
@@ -73,14 +74,7 @@ def test_a_sandbox_is_kept_and_gives_the_same_bits():
 @sandboxed
 @pytest.mark.parametrize(("name", "words"), [("segfault", "SIGSEGV"), ("takes_shared_memory", "limit of 100 MB")])
 def test_faults_in_a_sandbox_are_named(name: str, words: str):
-    limits = Limits(memory_mb=100)
-    code = TrackerCode(f"tests.attack.hostile_trackers:{name}", limits=limits, sandboxed=True)
-    tracker = IsolatedTracker(code, seed=0)
-    tracker.init(IMAGE, [1, 2, 3, 4])
-    tracker.update(IMAGE)
-    with pytest.raises(TrackerFault, match=words):
-        tracker.update(IMAGE)
-    tracker.close()
+    fails_at_the_second_update(name, words, Limits(memory_mb=100), sandboxed=True)
 
 
 def test_without_bubblewrap_the_error_names_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
