@@ -8,9 +8,9 @@ from pftrack_sim import trackers
 from pftrack_sim.benchmark import TrackerSpec
 from pftrack_sim.core.boxes import iou
 from pftrack_sim.core.errors import PftrackError
-from pftrack_sim.core.records import Estimate
 from pftrack_sim.trackers.recognition.search import ALIKE_FRAMES, SEARCH_AFTER, SURE_FRAMES, Doubt
 from pftrack_sim.trackers.registry import recognises
+from tests.trackers.following import follow
 
 SIZE = np.array([24.0, 60.0])
 
@@ -30,17 +30,9 @@ def box(x: float) -> np.ndarray:
     return np.array([x, 80.0, *SIZE])
 
 
-def follow(name: str, recognition: str, frames: list[np.ndarray]) -> list[Estimate]:
-    tracker = trackers.make(name, recognition=recognition)
-    tracker.init(frames[0], box(100.0))
-    return [tracker.update(frame) for frame in frames[1:]]
-
-
 def test_a_judge_changes_confidence_alone():
     frames = [image(100.0 + k) for k in range(12)] + [image(None)] * 6
-    found: dict[str, list[Estimate]] = {}
-    for use in ("none", "judge"):
-        found[use] = follow("ncc", use, frames)
+    found = {use: follow("ncc", frames, box(100.0), recognition=use) for use in ("none", "judge")}
     for one, judged in zip(found["none"], found["judge"], strict=True):
         assert np.array_equal(one.box, judged.box)
     assert min(one.confidence for one in found["judge"][:11]) > 0.9
@@ -52,15 +44,15 @@ def test_a_judge_changes_confidence_alone():
 def test_a_lost_target_is_found_where_it_comes_back(name: str, alone: bool):
     """It is away for a second, and comes back beside another; particles that spread may find it alone."""
     frames = [image(100.0)] * 8 + [image(None, 180.0)] * 15 + [image(230.0, 180.0)] * 12
-    overlaps: dict[str, float] = {}
-    for use in ("none", "search"):
-        overlaps[use] = iou(follow(name, use, frames)[-1].box, box(230.0))
+    overlaps = {
+        use: iou(follow(name, frames, box(100.0), recognition=use)[-1].box, box(230.0)) for use in ("none", "search")
+    }
     assert (overlaps["none"] > 0.1) is alone
     assert overlaps["search"] > 0.6
 
 
 def test_nothing_is_found_where_the_target_is_not():
-    estimates = follow("ncc", "search", [image(100.0)] + [image(None, 180.0)] * 30)
+    estimates = follow("ncc", [image(100.0)] + [image(None, 180.0)] * 30, box(100.0), recognition="search")
     assert all(iou(one.box, box(180.0)) == 0.0 for one in estimates)
     assert all(one.occluded for one in estimates)
 
