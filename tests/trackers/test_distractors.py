@@ -19,6 +19,7 @@ from pftrack_sim.trackers.recognition.person import PROBABLY, SURELY, UNLIKE, UN
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import Place, Reach, search
 from tests.trackers.following import follow
+from tests.trackers.test_person import known_in
 
 SIZE = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 2}
 STILL = np.zeros(2)
@@ -65,9 +66,7 @@ def seen_from(
 def tracked(frame: Frame, *, sure: bool = True) -> Distractors:
     """Those who are tracked after the same frame has been seen four times."""
     pyramid, target = ImagePyramid(frame.image), frame.truth.amodal_box
-    person = KnownPerson.found(pyramid, boxes.centre(target), target[2:])
-    assert person is not None
-    distractors = Distractors(person)
+    distractors = Distractors(known_in(frame))
     for _ in range(4):
         seen_from(distractors, pyramid, target)
         distractors.update(place(target), sure=sure)
@@ -163,8 +162,7 @@ def test_a_box_and_a_track_that_were_exchanged_are_told_by_their_looks(seen: tup
 def test_who_was_beside_the_target_is_remembered_when_the_track_ends(seen: tuple[Frame, np.ndarray, Distractors]):
     frame, other, _ = seen
     pyramid, target, at = ImagePyramid(frame.image), frame.truth.amodal_box, place(other)
-    person = KnownPerson.found(pyramid, boxes.centre(target), target[2:])
-    assert person is not None
+    person = known_in(frame)
     distractors = Distractors(person)
     gone = frame.image.copy()
     x, y, width, height = other.round().astype(int)
@@ -265,10 +263,7 @@ def test_the_tallest_are_tracked_first():
     image = frame.image
     for right in (0.5, 0.85, 1.2):
         image, _ = with_twin(image, box, 0.7, right)
-    pyramid = ImagePyramid(image)
-    person = KnownPerson.found(pyramid, boxes.centre(box), box[2:])
-    assert person is not None
-    distractors = Distractors(person)
+    distractors = Distractors(known_in(replace(frame, image=image)))
     with_tall, tall = with_twin(image, box, 1.35, -1.1)
     for seen in [image] * 4 + [with_tall] * 5:
         seen_from(distractors, ImagePyramid(seen), box)
@@ -283,9 +278,7 @@ def test_a_twin_keeps_its_track_while_it_walks_by():
     frame = first_in_full_view(3)
     box = frame.truth.amodal_box
     images, twin = twin_walks_by(frame)
-    person = KnownPerson.found(ImagePyramid(images[0]), boxes.centre(box), box[2:])
-    assert person is not None
-    distractors = Distractors(person)
+    distractors = Distractors(known_in(replace(frame, image=images[0])))
     for image, other in zip(images, twin, strict=True):
         seen_from(distractors, ImagePyramid(image), box)
         if boxes.iou(other, box) > 0.3:
@@ -311,15 +304,13 @@ def test_only_a_distractor_in_front_keeps_its_track_where_the_target_is_detected
     target = place(frame.truth.amodal_box)
     pyramid, side = ImagePyramid(frame.image), np.array([target.size[1], 0.0])
     view = look(pyramid, target.centre, target.size)
-    person = KnownPerson.found(pyramid, target.centre, target.size)
-    assert person is not None
     distractor = Place(1.0, height * target.size, target.centre + side)
 
     def person_at(known: KnownPerson, image: ImagePyramid, at: Place, looks: int = 2) -> tuple[Place, PersonView]:
         return distractor, view
 
     monkeypatch.setattr("pftrack_sim.trackers.recognition.distractors.person_at", person_at)
-    distractors = Distractors(person)
+    distractors = Distractors(known_in(frame))
     for _ in range(4):
         seen_from(distractors, pyramid, target.box)
         distractors.update(target, sure=True)

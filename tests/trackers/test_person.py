@@ -57,11 +57,7 @@ def test_a_person_is_found_beside_the_box(frames: list[Frame], right: float, dow
 
 def test_views_of_a_person_are_more_alike_than_those_of_another(frames: list[Frame]):
     seen = in_full_view(frames)
-    first = seen[0]
-    known = KnownPerson.found(
-        ImagePyramid(first.image), boxes.centre(first.truth.amodal_box), first.truth.amodal_box[2:]
-    )
-    assert known is not None
+    known = known_in(seen[0])
     likeness: dict[bool, list[float]] = {True: [], False: []}
     for frame in seen[1:]:
         for person in frame.people:
@@ -91,9 +87,7 @@ def test_a_person_before_another_background_stays_the_same():
 
 def test_a_person_who_becomes_unlike_gradually_is_followed_for_a_while(frames: list[Frame]):
     first = in_full_view(frames)[0]
-    pyramid, box = ImagePyramid(first.image), first.truth.amodal_box
-    known = KnownPerson.found(pyramid, boxes.centre(box), box[2:])
-    assert known is not None
+    pyramid, box, known = ImagePyramid(first.image), first.truth.amodal_box, known_in(first)
     view = known.describe(pyramid, boxes.centre(box), box[2:])
     unlike = 0.8  # Turned, or lit otherwise
     assert known.follow(view, 0.97) == 0.97
@@ -165,10 +159,7 @@ def test_corrections_bring_a_box_to_the_size_of_the_person(frames: list[Frame], 
 def test_a_lost_person_is_found_at_half_the_size_among_others(frames: list[Frame]):
     """Where colours propose other places; most of those found are people, the target is the most alike."""
     seen = [frame for frame in in_full_view(frames) if sum(one.visible_fraction > 0.5 for one in frame.people) > 1]
-    first = seen[0]
-    pyramid, box = ImagePyramid(first.image), first.truth.amodal_box
-    known = KnownPerson.found(pyramid, boxes.centre(box), box[2:])
-    assert known is not None
+    known = known_in(seen[0])
     found: list[bool] = []
     for frame in seen[1:]:
         pyramid, target = ImagePyramid(frame.image), frame.truth.amodal_box
