@@ -199,10 +199,10 @@ class Pftrack(BaseTracker):
         step = self._associate(pyramid, image, shift, seen)
         if not step.elsewhere:
             step = self._recover(pyramid, image, step)
-        seen, found, person = step.seen, step.seen.match, self._person
-        covered = person is None or person.is_covered(seen.looks)
+        seen, found, known = step.seen, step.seen.match, self._looks
+        covered = known.is_covered(seen.looks)
         close = self._scale * float(self._size[1]) > CLOSE_UP * image.shape[0]
-        likeness = person.follow(seen.looks, seen.likeness, close_up=close) if person else seen.likeness
+        likeness = known.follow(seen.looks, seen.likeness, close_up=close)
         occluded = likeness < p.unsure_likeness
         self._missed = self._missed + 1 if occluded else 0
         hold = step.behind or (occluded and found.score < p.occlusion_hold * self._usual[0])
@@ -211,8 +211,8 @@ class Pftrack(BaseTracker):
         if not hold and p.scale_count > 1 and self._frame % p.scale_interval == 0:
             self._rescale(pyramid, image, peak)
         # No distractor is in the box: a person in it who is unlike the target may be the target, turned or in shade.
-        if person is not None and not step.behind and not (occluded and covered):
-            self._settle(person.correction(seen.looks), image)
+        if not step.behind and not (occluded and covered):
+            self._settle(known.correction(seen.looks), image)
         if not occluded:
             self._adapt(pyramid, step, likeness, peak)
         size = self._scale * self._size
@@ -225,20 +225,15 @@ class Pftrack(BaseTracker):
             return Estimate(box, occluded_confidence(self._missed))
         return Estimate(box, ramp(likeness, UNLIKE, 1.0), occluded and (hold or covered))
 
-    @property
-    def _person(self) -> KnownPerson | None:
-        """The target, if it is a person."""
-        return self._looks if isinstance(self._looks, KnownPerson) else None
-
     def _associate(self, pyramid: ImagePyramid, image: Image, shift: FloatArray, seen: Seen) -> Step:
         """The target's place by association with its own track and the distractors'."""
-        carried, person = self._centre + shift, self._person
-        if person is None or self._distractors is None:
+        carried = self._centre + shift
+        if self._distractors is None:
             return Step(seen, carried)
         at = Place(seen.likeness, seen.match.scale * self._size, seen.match.centre)
         ahead = Reach(carried + self.params.momentum * self._velocity, self._scale * self._size, self._missed)
         assigned, in_gate, in_front = self._distractors.associate(pyramid, shift, at, seen.looks, ahead)
-        in_view = assigned is at and in_gate and not person.is_covered(seen.looks)
+        in_view = assigned is at and in_gate and not self._looks.is_covered(seen.looks)
         in_view = in_view and (self._missed == 0 or seen.likeness > UNLIKE)
         # Its passing ends when the target is in view without it, whatever is not detected in single frames.
         self._passing = in_front or (self._passing and not in_view)
@@ -253,9 +248,9 @@ class Pftrack(BaseTracker):
 
     def _recover(self, pyramid: ImagePyramid, image: Image, step: Step) -> Step:
         """The same step, or another place in the image, where a search is due and finds one."""
-        p, person = self.params, self._person
+        p = self.params
         self._doubt.see(step.seen.likeness)
-        in_view = person is not None and not step.behind and not person.is_covered(step.seen.looks)
+        in_view = not step.behind and not self._looks.is_covered(step.seen.looks)
         attempt = self._doubt.search(max(p.search_after, PERSON_AFTER) if in_view else p.search_after)
         if not p.search_after or attempt is None:
             return step
@@ -277,7 +272,7 @@ class Pftrack(BaseTracker):
         self._usual = self._usual + SLOW * max(trust, FORGETTING) * (np.array([found.score, found.peak]) - self._usual)
         if trust > 0.0:
             self._learn(pyramid, peak * trust)
-            if self._person is None or not self._doubt or likeness > seen.likeness:
+            if not (self._doubt and self._distractors) or likeness > seen.likeness:
                 self._looks.learn(seen.looks, trust)
             self._sure_scale = self._scale
 
@@ -326,7 +321,7 @@ class Pftrack(BaseTracker):
     def _where_predicted(self, pyramid: ImagePyramid, image: Image, shift: FloatArray) -> Seen | None:
         """The target where the camera's motion alone would take it, if a person like it is there."""
         place = Place(0.0, self._scale * self._size, _inside(self._centre + shift, image))
-        found = None if self._person is None else person_at(self._person, pyramid, place, looks=1)
+        found = person_at(self._looks, pyramid, place, looks=1) if isinstance(self._looks, KnownPerson) else None
         seen = None if found is None else self._seen_at(pyramid, image, found[0])
         return None if seen is None or seen.likeness < self.params.unsure_likeness else seen
 
@@ -344,7 +339,7 @@ class Pftrack(BaseTracker):
         p = self.params
         assert self._usual is not None
         # People walk; where other targets can be is not known.
-        missed = self._missed if self._person else math.inf
+        missed = self._missed if self._distractors else math.inf
         reach = Reach(self._centre, self._sure_scale * self._size, missed)
         proposed = search(image, pyramid, self._looks, self._colour, reach, attempt)
         least = max(p.found_likeness, 0.0 if now.likeness < p.unsure_likeness else now.likeness + p.found_gain)

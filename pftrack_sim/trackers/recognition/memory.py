@@ -19,7 +19,7 @@ from pftrack_sim.trackers.features.camera_motion import CameraMotion
 from pftrack_sim.trackers.recognition.colour import ColourModel
 from pftrack_sim.trackers.recognition.distractors import Distractors, occluded_confidence
 from pftrack_sim.trackers.recognition.parts import PartColours, describe
-from pftrack_sim.trackers.recognition.person import CLOSE_UP, SURE, UNLIKE, UNSURE, KnownPerson, PersonView
+from pftrack_sim.trackers.recognition.person import CLOSE_UP, SURE, UNLIKE, UNSURE, KnownPerson
 from pftrack_sim.trackers.recognition.pyramid import ImagePyramid
 from pftrack_sim.trackers.recognition.search import (
     FOUND,
@@ -86,7 +86,7 @@ class TargetMemory:
 
     def judge(self, image: Image, box: Box) -> Judgement:
         """Judge the `(4,)` box [px] that a tracker estimates in the next image, and learn from it if it is sure."""
-        pyramid = ImagePyramid(image)
+        pyramid, known = ImagePyramid(image), self._looks
         view, place = self._seen(pyramid, estimated := _place(box, image))
         now = None if place.size is estimated.size or place.likeness < UNSURE else place
         on_distractor = False
@@ -104,27 +104,24 @@ class TargetMemory:
                 elif self._searches:
                     found = assigned
         self._doubt.see(place.likeness)
-        attempt = self._doubt.search(SEARCH_AFTER if on_distractor or self._is_hidden(view) else PERSON_AFTER)
+        attempt = self._doubt.search(SEARCH_AFTER if on_distractor or known.is_covered(view) else PERSON_AFTER)
         if found is None and self._searches and attempt is not None:
             found = self._find(image, pyramid, place.likeness, box, attempt)
         if found is not None:
             now = place = found
             on_distractor = False
             self._doubt.begin_again()
-            view, _ = likeness_at(self._looks, pyramid, place.centre, place.size)
-        known = self._looks
+            view, _ = likeness_at(known, pyramid, place.centre, place.size)
         close = float(place.size[1]) > CLOSE_UP * image.shape[0]
-        likeness = (
-            known.follow(view, place.likeness, close_up=close) if isinstance(known, KnownPerson) else place.likeness
-        )
+        likeness = known.follow(view, place.likeness, close_up=close)
         self._missed = 0 if likeness >= UNSURE else self._missed + 1
-        visible = not on_distractor and (likeness >= UNSURE or not self._is_hidden(view))
-        if now is None and visible and (correction := self._correction(view)):
+        visible = not on_distractor and (likeness >= UNSURE or not known.is_covered(view))
+        if self._searches and now is None and visible and (correction := known.correction(view)):
             now = place = moved(place, correction, SETTLED)
         trust = ramp(likeness, UNSURE, SURE)
         if trust > 0.0:
             self._centre, self._size = place.centre, place.size
-            if not (self._doubt and isinstance(known, KnownPerson)) or likeness > place.likeness:
+            if not (self._doubt and self._distractors) or likeness > place.likeness:
                 known.learn(view, trust)
                 self._learn_colours(pyramid, COLOUR_RATE * trust)
         if self._distractors:
@@ -133,7 +130,7 @@ class TargetMemory:
         occluded = on_distractor and now is not None
         return Judgement(
             occluded_confidence(self._missed) if occluded else ramp(likeness, UNLIKE, 1.0),
-            not on_distractor and likeness < UNSURE and self._is_hidden(view),
+            not on_distractor and likeness < UNSURE and known.is_covered(view),
             None if now is None else now.box,
             found is not None,
         )
@@ -143,19 +140,14 @@ class TargetMemory:
 
         A box beside its target, or of another size, is unlike the target.
         """
-        view, likeness = likeness_at(self._looks, pyramid, place.centre, place.size)
         known = self._looks
-        if self._searches and likeness < SURE and isinstance(known, KnownPerson) and (off := known.off(view)):
+        view, likeness = likeness_at(known, pyramid, place.centre, place.size)
+        if self._searches and likeness < SURE and (off := known.off(view)):
             fitted = moved(place, off)
             seen, alike = likeness_at(known, pyramid, fitted.centre, fitted.size)
             if alike > likeness:
                 return seen, fitted._replace(likeness=alike)
         return view, place._replace(likeness=likeness)
-
-    def _is_hidden(self, view: object) -> bool:
-        """Whether most of a person is hidden; of other targets all that is known is how alike they are."""
-        known = self._looks
-        return not (isinstance(known, KnownPerson) and isinstance(view, PersonView)) or known.is_covered(view)
 
     def _find(self, image: Image, pyramid: ImagePyramid, likeness: float, box: Box, attempt: int) -> Place | None:
         """The place most like the target that it can have reached, if it is alike enough and not the estimate's."""
@@ -169,12 +161,6 @@ class TargetMemory:
         if best.likeness < max(FOUND, likeness + GAIN) or boxes.iou(best.box, box) >= SAME:
             return None
         return best if boxes.area(boxes.clip(best.box, *image.shape[1::-1])) > 0.0 else None
-
-    def _correction(self, view: object) -> tuple[FloatArray, float] | None:
-        known = self._looks
-        if not (self._searches and isinstance(known, KnownPerson) and isinstance(view, PersonView)):
-            return None
-        return known.correction(view)
 
     def _learn_colours(self, pyramid: ImagePyramid, rate: float) -> None:
         side = max(SURROUND * math.sqrt(float(self._size.prod())), 1.3 * float(self._size.max()))

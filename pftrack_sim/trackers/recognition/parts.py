@@ -61,6 +61,19 @@ class PartColours:
 
     describe = staticmethod(describe)
 
+    def follow(self, found: Histograms, likeness: float, *, close_up: bool = False) -> float:
+        """The likeness itself: colours do not tell a gradual change from another target."""
+        return likeness
+
+    def is_covered(self, found: Histograms) -> bool:
+        """Always: all that is known of a target that is no person is how alike it is."""
+        return True
+
+    def off(self, found: Histograms) -> None:
+        """Nothing: colours say no place."""
+
+    correction = off
+
     def likeness(self, found: Histograms) -> float:
         """Likeness of `(3, BINS^3)` histograms with the target's, as a share of what is usual for the target."""
         return float(np.sqrt(self._means * found).sum(axis=1).mean()) / self._usual
