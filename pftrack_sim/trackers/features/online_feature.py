@@ -116,10 +116,10 @@ class OnlineFeatureModel:
     Args:
         first: `(d,)` the first frame's.
         sigmas: Widths of the likelihood under the first frame, (10) or (11), and under the subspace, (12) or (13).
-        params: How it is learnt; None: not at all.
+        params: How it is learnt.
     """
 
-    def __init__(self, first: FloatArray, sigmas: tuple[float, float], params: OnlineFeatureParameters | None) -> None:
+    def __init__(self, first: FloatArray, sigmas: tuple[float, float], params: OnlineFeatureParameters) -> None:
         self._sigma, self._learned_sigma = sigmas
         self._params = params
         self._root = np.sqrt(_divide_rows(first[None], first[None].sum(axis=1))[0])
@@ -129,28 +129,26 @@ class OnlineFeatureModel:
 
     def likelihood(self, features: FloatArray) -> FloatArray:
         """`(N,)` p(z|x) of `(N, d)` features: (10) and (11) with D^2, (12) and (13) with D, or the product."""
-        if self._subspace is None or self._params is None:
+        if self._subspace is None:
             return _likelihood(1.0 - self._bhattacharyya(features), self._sigma)
         vectors = _normalised(features, self._params.learned_scale)
-        learned = _likelihood(self._distances(vectors, self._subspace, self._params), self._learned_sigma)
+        learned = _likelihood(self._distances(vectors, self._subspace), self._learned_sigma)
         if self._params.anchored:
             learned *= _likelihood(1.0 - self._bhattacharyya(features), self._sigma)
         return learned
 
     def similarity(self, features: FloatArray) -> FloatArray:
         """`(N,)` similarity in [0, 1]: Bhattacharyya with the first frame, or the cosine with the subspace."""
-        if self._subspace is None or self._params is None:
+        if self._subspace is None:
             return self._bhattacharyya(features)
         vectors = _normalised(features, self._params.learned_scale)
         lengths = np.linalg.norm(vectors, axis=1)
-        distances = self._distances(vectors, self._subspace, self._params)
+        distances = self._distances(vectors, self._subspace)
         sine = np.divide(distances, lengths, out=np.ones(len(features)), where=lengths > 0.0)
         return np.sqrt(np.clip(1.0 - np.square(sine), 0.0, 1.0))
 
     def learn(self, feature: FloatArray) -> None:
         """Add the `(d,)` feature of one more estimate."""
-        if self._params is None:
-            return
         vector = _normalised(feature[None], self._params.learned_scale)[0]
         if self._subspace is not None:
             self._subspace.append(vector)
@@ -163,10 +161,9 @@ class OnlineFeatureModel:
     def _bhattacharyya(self, features: FloatArray) -> FloatArray:
         return np.minimum(np.sqrt(features) @ self._root, 1.0)
 
-    @staticmethod
-    def _distances(vectors: FloatArray, subspace: Subspace, params: OnlineFeatureParameters) -> FloatArray:
+    def _distances(self, vectors: FloatArray, subspace: Subspace) -> FloatArray:
         """`(N,)` D of (12) and (13) of `(N, d)` normalised vectors; 1, its maximum, for those that are all 0."""
-        return np.where(vectors.any(axis=1), residuals(vectors, subspace.basis(params.component_count)), 1.0)
+        return np.where(vectors.any(axis=1), residuals(vectors, subspace.basis(self._params.component_count)), 1.0)
 
 
 def _normalised(features: FloatArray, scale: Normalisation) -> FloatArray:

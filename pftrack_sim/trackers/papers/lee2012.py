@@ -156,12 +156,9 @@ class Lee2012(BaseTracker):
         self._learnt_confidences: deque[float] = deque(maxlen=p.window)
         self._first_size = np.array(box[2:])
         first = self._features(self._encode(image, box[None]), box[None])
-        learning = p if self._method.learns else None
         sigmas = (p.sigma_colour, p.learned_sigma_colour), (p.sigma_hog, p.learned_sigma_hog)
         self._shares = (p.alpha, 1.0 - p.alpha) if self._method.uses_hog else (1.0,)
-        self._models = [
-            OnlineFeatureModel(one[0], widths, learning) for one, widths in zip(first, sigmas, strict=False)
-        ]
+        self._models = [OnlineFeatureModel(one[0], widths, p) for one, widths in zip(first, sigmas, strict=False)]
 
     def _follow(self, image: Image) -> Estimate:
         particle_filter = self._filter
@@ -179,7 +176,7 @@ class Lee2012(BaseTracker):
         features = self._features(seen, box[None])
         parts = zip(self._shares, self._models, features, strict=True)
         confidence = min(sum(share * float(model.similarity(feature)[0]) for share, model, feature in parts), 1.0)
-        if not self._method.checks or self._is_reliable(confidence):
+        if self._method.learns and (not self._method.checks or self._is_reliable(confidence)):
             for model, feature in zip(self._models, features, strict=True):
                 model.learn(feature[0])
         return Estimate(box, confidence, False, particles if self.params.particles else None)
