@@ -37,8 +37,7 @@ _LAYOUT = epanechnikov_layout(1, JOINT_COUNT)
 class Islam2009Parameters(BoxFilterParameters):
     """Parameters. Defaults are the preset `paper`; none of the publication's values is known here.
 
-    Those of the filter: `BoxFilterParameters`, here without a rejection of jumps, and with the mean of the 100
-    heaviest particles, here all.
+    Those of the filter: `BoxFilterParameters`, here without a rejection of jumps, and with the mean of all particles.
 
     Attributes:
         sharpness: lambda of the likelihood exp(-lambda (1 - similarity)).

@@ -44,8 +44,7 @@ _LEAST_SHARE = 1e-12
 class Yang2005Parameters(BoxFilterParameters):
     """Parameters. Defaults are the preset `paper`; none of the publication's values is known here.
 
-    Those of the filter: `BoxFilterParameters`, here without a rejection of jumps, and with the mean of the 100
-    heaviest particles, here all.
+    Those of the filter: `BoxFilterParameters`, here without a rejection of jumps, and with the mean of all particles.
 
     Attributes:
         particle_count: Number of particles; powers of two are covered best by the quasi-random sequence.
