@@ -154,8 +154,9 @@ def test_similarities_do_not_depend_on_the_cropped_region():
     ]
     model = HistogramModel(features, image, np.array([30.0, 20, 20, 30]))
     boxes = RNG.uniform([-20, -20, 5, 5], [110, 90, 60, 60], (40, 4))
-    together = model.encode(image, boxes).similarities(boxes)
-    alone = np.concatenate([model.encode(image, box[None]).similarities(box[None]) for box in boxes], axis=1)
+    together = model.similarities(model.encode(image, boxes), boxes)
+    each = boxes[:, None]
+    alone = np.concatenate([model.similarities(model.encode(image, box), box) for box in each], axis=1)
     assert together.shape == (2, 40)
     assert np.abs(together - alone).max() < 1e-6
     whole = np.stack(

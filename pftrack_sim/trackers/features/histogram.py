@@ -232,6 +232,9 @@ class Feature:
     layout: BinLayout
 
 
+Encoded: TypeAlias = tuple[ImageRegion, list[Codes]]  # A part of an image, and its codes in every feature of a model
+
+
 class HistogramModel:
     """One histogram per feature, taken from the first frame and constant.
 
@@ -246,26 +249,17 @@ class HistogramModel:
         local = region.to_region(box[None])[0]
         self.histograms = tuple(histogram(one.encode(region.pixels), local, one.layout) for one in self.features)
 
-    def encode(self, image: Image, boxes: FloatArray) -> EncodedRegion:
+    def encode(self, image: Image, boxes: FloatArray) -> Encoded:
         """Encode the part of an image that `(N, 4)` boxes [px] touch: the expensive step, done once for all boxes."""
         region = crop(image, boxes)
-        return EncodedRegion(self, region, tuple(feature.encode(region.pixels) for feature in self.features))
+        return region, [feature.encode(region.pixels) for feature in self.features]
 
-
-@dataclass(frozen=True, eq=False)
-class EncodedRegion:
-    """A part of an image as pixel codes in every feature of a model."""
-
-    model: HistogramModel
-    region: ImageRegion
-    codes: tuple[Codes, ...]
-
-    def similarities(self, boxes: FloatArray) -> FloatArray:
+    def similarities(self, encoded: Encoded, boxes: FloatArray) -> FloatArray:
         """`(F, N)` Bhattacharyya similarities in [0, 1] of `(N, 4)` boxes [px] with the model in each feature.
 
         The boxes lie inside the hull of those that were encoded. The distance d of Ko et al. 2012, eq. 7, is `sqrt(1 -
         similarity)`.
         """
-        local = self.region.to_region(boxes)
-        parts = zip(self.codes, self.model.features, self.model.histograms, strict=True)
-        return np.array([similarities(codes, local, feature.layout, model) for codes, feature, model in parts])
+        region, codes = encoded
+        local, parts = region.to_region(boxes), zip(codes, self.features, self.histograms, strict=True)
+        return np.array([similarities(one, local, feature.layout, model) for one, feature, model in parts])

@@ -21,7 +21,7 @@ from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.box_filter import TUNED_FILTER, BoxFilterParameters, BoxFilterTracker
 from pftrack_sim.trackers.features.histogram import (
-    EncodedRegion,
+    Encoded,
     Feature,
     HistogramModel,
     cell_layout,
@@ -94,7 +94,7 @@ def log_mixture(similarities: FloatArray, shares: FloatArray, form: LikelihoodFo
         return np.log(shares @ likelihoods)
 
 
-class Ko2012(BoxFilterTracker[Ko2012Parameters, EncodedRegion]):
+class Ko2012(BoxFilterTracker[Ko2012Parameters, Encoded]):
     """One of `METHODS`; it draws from the stream `"tracker"` of the root seed."""
 
     def __init__(self, name: str, params: Ko2012Parameters, seed: int) -> None:
@@ -109,17 +109,17 @@ class Ko2012(BoxFilterTracker[Ko2012Parameters, EncodedRegion]):
     def _learn_first(self, image: Image, box: Box) -> None:
         self._model = HistogramModel(self.features, image, box)
 
-    def observe(self, image: Image, near: FloatArray) -> EncodedRegion:
+    def observe(self, image: Image, near: FloatArray) -> Encoded:
         """The histograms of a frame."""
         return self._model.encode(image, near)
 
-    def log_likelihood(self, seen: EncodedRegion, wanted: FloatArray) -> FloatArray:
+    def log_likelihood(self, seen: Encoded, wanted: FloatArray) -> FloatArray:
         """`(N,)` logarithms of (9) for `(N, 4)` boxes [px]."""
-        return log_mixture(seen.similarities(wanted), self._shares, self.params.likelihood, self._lambdas)
+        return log_mixture(self._model.similarities(seen, wanted), self._shares, self.params.likelihood, self._lambdas)
 
-    def similarity(self, seen: EncodedRegion, box: Box) -> float:
+    def similarity(self, seen: Encoded, box: Box) -> float:
         """Similarity of a `(4,)` box [px] with the model, in [0, 1]: (9) in the form `"linear"`."""
-        return min(float(self._shares @ seen.similarities(box[None])[:, 0]), 1.0)
+        return min(float(self._shares @ self._model.similarities(seen, box[None])[:, 0]), 1.0)
 
 
 def make(name: str, *, seed: int, preset: str, **params: Any) -> Ko2012:

@@ -23,7 +23,7 @@ from pftrack_sim.core.boxes import Box
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.box_filter import TUNED_FILTER, BoxFilterParameters, BoxFilterTracker
-from pftrack_sim.trackers.features.histogram import EncodedRegion, Feature, HistogramModel, epanechnikov_layout
+from pftrack_sim.trackers.features.histogram import Encoded, Feature, HistogramModel, epanechnikov_layout
 from pftrack_sim.trackers.features.image_region import shrink
 from pftrack_sim.trackers.features.integral import integral_image, rectangle_means
 from pftrack_sim.trackers.features.pixel_codes import JOINT_COUNT, hsv_joint_codes
@@ -127,7 +127,7 @@ def _negative_laplacian(height: int, width: int) -> NDArray[np.float32]:
     return out
 
 
-ColourAndSaliency: TypeAlias = tuple[EncodedRegion, FloatArray]  # Of one frame; the integral image of the saliency
+ColourAndSaliency: TypeAlias = tuple[Encoded, FloatArray]  # Of one frame; the integral image of the saliency
 
 
 class Sidibe2010(BoxFilterTracker[Sidibe2010Parameters, ColourAndSaliency]):
@@ -171,7 +171,7 @@ class Sidibe2010(BoxFilterTracker[Sidibe2010Parameters, ColourAndSaliency]):
         """`(2, N)` Bhattacharyya similarities of colour and of saliency of `(N, 4)` boxes [px]."""
         colours, saliency = seen
         salient = np.minimum(np.sqrt(self.distributions(saliency, wanted)) @ self._root_model, 1.0)
-        return np.stack([colours.similarities(wanted)[0], salient])
+        return np.stack([self._colours.similarities(colours, wanted)[0], salient])
 
     def log_likelihood(self, seen: ColourAndSaliency, wanted: FloatArray) -> FloatArray:
         """`(N,)` logarithms of the product of the likelihoods exp(-lambda d^2) of both."""
