@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
 
@@ -79,7 +80,7 @@ def write_scored(found: Scored, out: Path, sources: Mapping[str, str]) -> Path:
     if out.exists() and not out.is_dir():
         raise RunError(f"{out} is not a folder")
     rows = [
-        {"tracker": one.tracker.label, "sequence": one.sequence, "repetition": one.seed, **one.summary.as_dict()}
+        {"tracker": one.tracker.label, "sequence": one.sequence, "repetition": one.seed, **asdict(one.summary)}
         for one in found.results
     ]
     how = [*sources.items(), ("version", pftrack_sim.__version__)]

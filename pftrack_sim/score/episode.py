@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -66,10 +65,6 @@ class Summary:
     def skill(self) -> float:
         """`mean_overlap` relative to `stay`: 0 for equal, 1 for perfect; NaN where `stay` is 1."""
         return (self.mean_overlap - self.stay) / (1.0 - self.stay) if self.stay < 1.0 else math.nan
-
-    def as_dict(self) -> dict[str, Any]:
-        """Fields by name."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -180,7 +175,7 @@ def measure(
     sr_50, sr_75 = curves.success_curve(overlap, curves.STRICT_OVERLAPS).tolist()
     recovered_s = [recovery.after_s for recovery in recoveries if math.isfinite(recovery.after_s)]
     return Measures(
-        **summary.as_dict(),
+        **asdict(summary),
         auc=curves.area_under_success(overlap),
         sr_50=sr_50,
         sr_75=sr_75,

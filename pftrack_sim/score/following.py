@@ -10,7 +10,7 @@ scenario's own limits end the episode, while there 20 steps beyond 4 m do.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 import scipy  # it imports its packages at first use
@@ -93,10 +93,6 @@ class Following:
     losses: int
     jerk_rms_m_s3: float
     bystander_m: float
-
-    def as_dict(self) -> dict[str, float]:
-        """Fields by name."""
-        return asdict(self)
 
 
 def summarise(path: DrivenPath, task: Follow, frames: int) -> Following:

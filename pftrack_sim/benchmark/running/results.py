@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +92,7 @@ def write_results(
             measures = replace(measures, ms_reported=runner.ms_reported)
             row = {
                 **identity,
-                **measures.as_dict(),
+                **asdict(measures),
                 **people_scores(log.people, runner),
                 **metadata,
                 "error": runner.error,

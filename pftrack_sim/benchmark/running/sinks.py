@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import math
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from dataclasses import asdict
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -199,7 +200,7 @@ class FollowLog:
             info["outcome"],
         )
         measures = following.summarise(path, settings.follow, frame_count)
-        scores = {f"follow_{name}": value for name, value in measures.as_dict().items()}
+        scores = {f"follow_{name}": value for name, value in asdict(measures).items()}
         return {**scores, "outcome": info["outcome"], "collided_with": info["collision"], "clipped": info["clipped"]}
 
 
