@@ -356,7 +356,7 @@ def test_names_are_listed_and_stored_runs_read_without_the_simulator():
         "import sys, pftrack_sim.benchmark.reading.check\n"
         "from pftrack_sim.benchmark import RunStore\n"
         "from pftrack_sim.cli.app import app\n"
-        "for what in ('scenarios', 'suites', 'trackers', 'axes'): app(['list', what], standalone_mode=False)\n"
+        "for what in 'scenarios suites trackers controllers axes'.split(): app(['list', what], standalone_mode=False)\n"
         "assert not {'mujoco', 'numba'} & set(sys.modules)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

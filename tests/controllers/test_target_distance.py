@@ -78,6 +78,10 @@ def test_a_box_that_keeps_its_size_does_not_fool_it_where_the_scan_sees_the_legs
         world.target = np.array([true_m, 0.0])
         watch(distance, world, 1.0 / 30.0, box)
     assert abs(watch(distance, world, 1.0, box) - world.distance_m) < 0.4
+    for _ in range(600):
+        distance.predict(0.0)
+    forgotten = watch(distance, Playground((4.7, 0.0)), 1.0 / 30.0)
+    assert abs(forgotten - 4.7) < 0.5, "of a box too high nothing is left after 20 s in which nothing was seen"
 
 
 def test_someone_who_steps_between_does_not_change_it():
@@ -114,15 +118,3 @@ def test_a_walker_who_stops_at_once_is_not_touched(name: str, wanted_m: float):
     world.play(controller, 8.0)
     assert world.nearest_to_person_m > 0.6
     assert abs(world.distance_m - wanted_m) < 0.3
-
-
-def test_what_was_learnt_of_a_box_too_high_is_forgotten_while_nothing_is_seen():
-    world, distance = Playground((2.9, 0.0), legs=True), estimator()
-    box = world.box()
-    for true_m in np.arange(2.9, 4.7, 0.5 / 30.0):
-        world.target = np.array([true_m, 0.0])
-        watch(distance, world, 1.0 / 30.0, box)
-    watch(distance, world, 1.0, box)
-    for _ in range(600):
-        distance.predict(0.0)
-    assert abs(watch(distance, Playground((4.7, 0.0)), 1.0 / 30.0) - 4.7) < 0.5
