@@ -27,7 +27,8 @@ def main() -> None:
         sys.path.append(os.getcwd())
     try:
         for word in sys.argv[1:]:
-            _check_word(word)
+            if any(not character.isprintable() and character not in "\n\r\t" for character in word):
+                raise PftrackError(f"an argument has characters that cannot be shown: {printable(word)}")
         app()
     except (PftrackError, OSError, MemoryError) as error:
         text = str(error) if isinstance(error, PftrackError) else _system_error(error)
@@ -60,11 +61,6 @@ def _suite_text(word: str) -> str:
         return read_bytes(Path(word), _MAX_SUITE_BYTES).decode(errors="replace")
     except OSError:
         return ""
-
-
-def _check_word(word: str) -> None:
-    if any(not character.isprintable() and character not in "\n\r\t" for character in word):
-        raise PftrackError(f"an argument has characters that cannot be shown: {printable(word)}")
 
 
 def _system_error(error: OSError | MemoryError) -> str:

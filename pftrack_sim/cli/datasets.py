@@ -18,7 +18,6 @@ from pftrack_sim.core.errors import ParameterError
 if TYPE_CHECKING:
     from pftrack_sim.benchmark.datasets.results import Scored
     from pftrack_sim.scenario import Scenario
-    from pftrack_sim.score.profile import Profile
 
 _MOST_SEQUENCES = 40
 
@@ -204,11 +203,9 @@ def profile(
     for table in profile_tables(profiles):
         tables.print_table(table)
     if out is not None:
-        text = json.dumps({name: _json_numbers(one) for name, one in profiles.items()}, indent=2)
-        write_bytes(out / "profile.json", text.encode())
+        numbers = {
+            name: {key: None if math.isnan(value) else value for key, value in asdict(one).items()}
+            for name, one in profiles.items()
+        }
+        write_bytes(out / "profile.json", json.dumps(numbers, indent=2).encode())
         tables.print_folder(write_profile_figure(profiles, out / "profile.png"))
-
-
-def _json_numbers(one: Profile) -> dict[str, float | None]:
-    """The numbers, with null for those that are unknown."""
-    return {name: None if math.isnan(value) else value for name, value in asdict(one).items()}

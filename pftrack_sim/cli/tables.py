@@ -261,7 +261,8 @@ def _shown(table: Table, first: int, last: int) -> RichTable:
         shown.add_column(table.numbers[place] if table.numbers else "", justify="right", no_wrap=True)
     place = None
     for row in table.rows:
-        cells = [_SHARES.sub(r"\n\1-\2", _BRACKETS.sub(_below, cell)) for cell in row]
+        below = (_BRACKETS.sub(lambda found: "\n" + found[1].replace(", ", " "), cell) for cell in row)
+        cells = [_SHARES.sub(r"\n\1-\2", cell) for cell in below]
         cells = [*cells[: len(table.names)], *(cells[len(table.names) + one] for one in chosen if table.numbers)]
         if table.grouped:
             if row[0] != place:
@@ -280,10 +281,6 @@ def _least_width(shown: RichTable) -> int:
     for column in names:
         column.max_width = None
     return least
-
-
-def _below(brackets: re.Match[str]) -> str:
-    return "\n" + brackets[1].replace(", ", " ")
 
 
 def print_folder(path: Path | None) -> None:
