@@ -170,14 +170,13 @@ class FrameCapture:
             plan = PassPlan([0, self.rays.bands], 1, 1)
         else:
             plan = self._planner.plan(self._trajectory, self._history, self.scene_at(middle))
-        size = self.render_size
         count = plan.samples * plan.rotations
         accumulator = RadianceAccumulator(count, (self.lens.size[1], self.lens.size[0], 3))
         offsets = shutter.exposure_s * ((np.arange(count) + 0.5) / count - 0.5)
         if renderer is not None:
             for sample_offsets in offsets.reshape(plan.samples, plan.rotations):
                 for bands in itertools.pairwise(plan.edges):
-                    for render_pass in self._render_passes(bands, sample_offsets, size):
+                    for render_pass in self._render_passes(bands, sample_offsets):
                         self._draw(render_pass, renderer, accumulator)
         return CapturedFrame(
             accumulator.mean() if renderer is not None else None,
@@ -253,7 +252,7 @@ class FrameCapture:
         times = places[:, 3].reshape(-1, 8)[moving]
         return np.stack([times.min(axis=1), times.max(axis=1)])
 
-    def _render_passes(self, bands: tuple[int, int], offsets_s: FloatArray, size: tuple[int, int]) -> list[RenderPass]:
+    def _render_passes(self, bands: tuple[int, int], offsets_s: FloatArray) -> list[RenderPass]:
         """Render passes for the light of some bands of rows at offsets from the mid-exposure of each row."""
         if self._instant_passes:
             pose = self._trajectory.poses[0]
@@ -265,36 +264,26 @@ class FrameCapture:
         pose = self._trajectory.at(float(shutter.row_s(0.5 * (y_px[0] + y_px[-1]))) + offset_s)
         when = shutter.row_s(y_px) if shutter.readout_s else np.array(shutter.middle_s)
         rays = [self.rays.directions(first, last, self._trajectory.at(when + offset), pose) for offset in offsets_s]
-        passes = (self._faces if self.lens.wide else self._pinhole)(bands, offset_s, pose, rays, size)
+        passes = (self._faces if self.lens.wide else self._pinhole)(bands, offset_s, pose, rays)
         if shutter.instant:
             self._instant_passes = passes
         return passes
 
     def _pinhole(
-        self,
-        bands: tuple[int, int],
-        offset_s: float,
-        pose: FloatArray,
-        rays: Sequence[FloatArray],
-        size: tuple[int, int],
+        self, bands: tuple[int, int], offset_s: float, pose: FloatArray, rays: Sequence[FloatArray]
     ) -> list[RenderPass]:
         """The pass that holds all of some rays at each time."""
         (first, last), grids = bands, [normalized(one) for one in rays]
-        K = _fit_camera_matrix(self.lens, grids, size)
-        rows = _rows_used(grids, K, size[1])
+        K = _fit_camera_matrix(self.lens, grids, self.render_size)
+        rows = _rows_used(grids, K, self.render_size[1])
         pixel_maps = tuple(self.rays.pixel_map(first, last, grid, K, rows.start) for grid in grids)
         return [RenderPass(bands, offset_s, pose, K, rows, pixel_maps)]
 
     def _faces(
-        self,
-        bands: tuple[int, int],
-        offset_s: float,
-        pose: FloatArray,
-        rays: Sequence[FloatArray],
-        size: tuple[int, int],
+        self, bands: tuple[int, int], offset_s: float, pose: FloatArray, rays: Sequence[FloatArray]
     ) -> list[RenderPass]:
         """A pass for each face of a cube that some rays meet at some time."""
-        first, last = bands
+        (first, last), size = bands, self.render_size
         owners = [(self.rays.interpolated(first, last, one) @ _FACES[:, :, 2].T).argmax(axis=-1) for one in rays]
         K, passes = np.diag([0.5 * size[0] / _FACE_HALF, 0.5 * size[1] / _FACE_HALF, 1.0]), list[RenderPass]()
         K[:2, 2] = 0.5 * np.array(size)
