@@ -46,12 +46,10 @@ class RayGrid:
         grid = np.stack(np.broadcast_arrays(x, self.y_px[:, None]), axis=-1)
         self._rays = lens.rays(grid)
 
-    def reproject(self, first: int, last: int, poses: FloatArray, T_world_render: FloatArray) -> FloatArray:
-        """`(rows, columns + 2, 2)` normalized coordinates on a rendered image of the rays of some bands of rows.
-
-        Arguments are those of `directions`.
-        """
-        return normalized(self.directions(first, last, poses, T_world_render))
+    @property
+    def normalized(self) -> FloatArray:
+        """`(bands + 2, columns + 2, 2)` normalized coordinates of all rays."""
+        return normalized(self._rays)
 
     def directions(self, first: int, last: int, poses: FloatArray, T_world_render: FloatArray) -> FloatArray:
         """`(rows, columns + 2, 3)` rays of some bands of rows in the axes of the camera of a rendered image.
@@ -74,8 +72,8 @@ class RayGrid:
     def pixel_map(self, first: int, last: int, normalized: FloatArray, K: FloatArray, top: int = 0) -> PixelMap:
         """`(rows, W, 2)` map from the pixels of bands `first` to `last` - 1 to places on a rendered image.
 
-        `normalized` is that of `reproject`, `K` the `(3, 3)` camera matrix of the rendered image [px], and `top` the
-        row of it that y counts from.
+        `normalized` are coordinates of the grid's rays on that image, `K` is its `(3, 3)` camera matrix [px], and `top`
+        the row of it that y counts from.
         """
         fx, fy, cx, cy = focal_and_centre(K)
         return self.interpolated(first, last, normalized * (fx, fy) + (cx - 0.5, cy - 0.5 - top))

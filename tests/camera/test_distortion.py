@@ -53,8 +53,7 @@ def test_the_pixel_map_follows_the_ray_of_each_pixel(K: np.ndarray, coefficients
     lens = Lens(K, coefficients, SIZE)
     grid = RayGrid(lens)
     drawn = np.array([[500.0, 0.0, 700.0], [0.0, 500.0, 600.0], [0.0, 0.0, 1.0]])
-    normalized = grid.reproject(0, grid.bands, np.eye(4), np.eye(4))
-    places = grid.pixel_map(0, grid.bands, normalized, drawn) + 0.5
+    places = grid.pixel_map(0, grid.bands, grid.normalized, drawn) + 0.5
     landed = projected((places.astype(np.float64) - drawn[:2, 2]) / 500.0, K, coefficients)
     wanted = np.stack(np.meshgrid(np.arange(640) + 0.5, np.arange(480) + 0.5), axis=-1)
     assert np.abs(landed - wanted).max() < 0.05

@@ -135,7 +135,7 @@ class FrameCapture:
         if self.lens.wide:
             side = 2 * math.ceil(_FACE_HALF * float(max(focal_and_centre(self.lens.K)[:2])))
             return side, side
-        low, high = _coordinate_range([self.rays.reproject(0, self.rays.bands, np.eye(4), np.eye(4))])
+        low, high = _coordinate_range([self.rays.normalized])
         size = np.array(self.lens.size)
         beyond = (high - low) * focal_and_centre(self.lens.K)[:2] - size
         margin = np.ceil(0.5 * np.maximum(beyond, 0.0)) + (0 if self.shutter.instant else _SHAKE_MARGIN_PX)
@@ -226,7 +226,7 @@ class FrameCapture:
         bands, lens = self.rays.bands, self.lens
         if lens.wide:
             return lens.rays(np.moveaxis(np.indices(lens.size[::-1])[::-1], 0, -1) + 0.5)
-        pixels = self.rays.pixel_map(0, bands, self.rays.reproject(0, bands, np.eye(4), np.eye(4)), lens.K)
+        pixels = self.rays.pixel_map(0, bands, self.rays.normalized, lens.K)
         rays = (pixels + (0.5 - lens.K[:2, 2])) / lens.K[(0, 1), (0, 1)]
         return np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=-1)
 
