@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from render_stage import HEIGHT, WIDTH, K, build, looking
 
-from pftrack_sim.core.errors import RenderError, UnknownNameError
+from pftrack_sim.core.errors import RenderError
 from pftrack_sim.render.gl import context
 from pftrack_sim.render.gl.context import GLContext, open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
@@ -126,11 +126,6 @@ def test_the_context_of_a_thread_ends_with_it():
     kept = weakref.ref(open_in_a_thread())
     gc.collect()
     assert kept() is None
-
-
-def test_an_unknown_backend_raises_with_the_known_names():
-    with pytest.raises(UnknownNameError, match="egl"):
-        open_context("elg")
 
 
 def test_a_process_uses_one_opengl_library():

@@ -21,7 +21,7 @@ from typing import Any
 
 import mujoco
 
-from pftrack_sim.core.errors import RenderError, UnknownNameError
+from pftrack_sim.core.errors import RenderError
 
 BACKENDS = ("egl", "osmesa")  # OpenGL libraries that can be asked for by name
 
@@ -140,10 +140,8 @@ def open_context(backend: str | None = None) -> GLContext:
             that works.
 
     Raises:
-        UnknownNameError: No such backend.
         RenderError: No library works; the message gives the reasons and what to install.
     """
-    wanted = candidates(backend)
     if forked():
         raise RenderError(_FORKED)
     if _process.backend is not None and backend not in (None, _process.backend):
@@ -155,7 +153,8 @@ def open_context(backend: str | None = None) -> GLContext:
     if kept is not None and kept.usable:
         return kept
     failures: dict[str, RenderError] = {}
-    for name in wanted if _process.backend is None else (_process.backend,):
+    wanted = backend or _process.backend
+    for name in candidates() if wanted is None else (wanted,):
         try:
             _thread.kept = opened = _open(name)
         except RenderError as error:
@@ -166,12 +165,8 @@ def open_context(backend: str | None = None) -> GLContext:
     raise RenderError(f"no OpenGL library can draw. Tried:\n{tried}\nInstall one of:\n{INSTALL_HINTS}")
 
 
-def candidates(backend: str | None = None) -> tuple[str, ...]:
-    """Backends to try on this system, in order; an unknown one raises `UnknownNameError`."""
-    if backend is not None:
-        if backend not in BACKENDS:
-            raise UnknownNameError("OpenGL backend", backend, BACKENDS)
-        return (backend,)
+def candidates() -> tuple[str, ...]:
+    """Backends to try on this system, in order."""
     if sys.platform == "darwin":
         return ("cgl",)
     if sys.platform == "win32":
