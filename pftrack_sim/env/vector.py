@@ -116,13 +116,10 @@ class ProcessVectorEnv(AsyncVectorEnv[Any, Any]):
         failed = [index for index, success in enumerate(successes) if not success]
         if not failed:
             return
-        reports = [self._next_report() for _ in failed]
+        reports = [cast("Any", self.error_queue).get() for _ in failed]
         self._state = AsyncState.DEFAULT
         self.close(terminate=True)
         raise min(reports, key=lambda report: report[0])[2]
-
-    def _next_report(self) -> tuple[int, type[Exception], Exception, str]:
-        return cast("Any", self.error_queue).get()
 
 
 class TrackVectorEnv(ProcessVectorEnv):

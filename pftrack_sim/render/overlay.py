@@ -85,17 +85,15 @@ def draw_recorded(
     truth: Box,
     estimates: Mapping[str, Estimate],
     *,
-    caption: str = "",
-    particles: bool = True,
-    styles: Mapping[str, Style] | None = None,
+    caption: str,
+    styles: Mapping[str, Style],
 ) -> Image:
     """A copy of a frame of a recorded sequence with boxes; its truth is an annotated `(4,)` box [px], or NaN.
 
     The caption is a line at the bottom; the other arguments are those of `draw_boxes`.
     """
-    canvas = _Canvas(image, styles or styles_of(estimates))
-    if particles:
-        canvas.particles(estimates)
+    canvas = _Canvas(image, styles)
+    canvas.particles(estimates)
     canvas.outline(truth, _WHITE, 1)
     canvas.estimates(estimates)
     canvas.legend(truth if np.isfinite(truth).all() else None, estimates)

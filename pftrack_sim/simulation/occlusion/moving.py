@@ -172,7 +172,7 @@ def _candidates(
             start_s = max(occluder.at_s - lead - 5.0 * STEP_S, 0.0)
             times, target, track = _course(crossing, run, start_s)
             clearance = obstacles.clearance_m(track)
-            cost = _course_cost(crossing, track, target, clearance[times <= until_s])
+            cost = _course_cost(track, target, clearance[times <= until_s])
             cost += 1.0 * abs(depth - occluder.depth)
             # After the occlusion the mover may leave its course: obstacles on it cost less.
             cost += 2.0 * max(0.0, WALL_GAP_M - float(clearance.min()))
@@ -196,7 +196,7 @@ def _course(
     return times[known], target[known], track[known]
 
 
-def _course_cost(crossing: Crossing, track: FloatArray, target: FloatArray, clearance: FloatArray) -> float:
+def _course_cost(track: FloatArray, target: FloatArray, clearance: FloatArray) -> float:
     """Cost of obstacles on the course, of high or unusual speed, and of passing the target closely."""
     speed = np.hypot(*np.diff(track, axis=0).T) / STEP_S
     blocked = max(0.0, WALL_GAP_M - float(clearance.min()))
