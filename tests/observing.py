@@ -1,4 +1,4 @@
-"""Truth of one frame of a stage, of many frames of an episode, and MuJoCo's own renderer to compare with."""
+"""Truth: made up, of one frame of a stage, of many of an episode; and MuJoCo's own renderer to compare with."""
 
 from __future__ import annotations
 
@@ -37,6 +37,27 @@ CALM: dict[str, Any] = {
     "jitter.translational_rms_mm": 0.0,
 }
 """Nobody and nothing but the target, seen by a small steady camera."""
+
+
+def made_truth(**values: Any) -> Truth:
+    """A truth with these values; all four boxes are the `box` where nothing else is given."""
+    box = values.get("box", (100.0, 60.0, 40.0, 90.0))
+    plain = {
+        **dict.fromkeys(("box", "amodal_box", "visible_box", "swept_box"), box),
+        **dict.fromkeys(("T_world_camera", "T_world_target"), np.eye(4)),
+        "name": "target",
+        "visible_fraction": 0.6,
+        "truncation": 0.0,
+        "state": "visible",
+        "occluders": ("pillar-3",),
+        "distance_m": 4.0,
+        "K": np.eye(3),
+        "distortion": np.zeros(5),
+        "time_s": 0.0,
+        "image_motion_px": 0.0,
+        "luminance": 0.4,
+    }
+    return Truth(**plain | values)
 
 
 def observed(stage: Stage, pose: np.ndarray) -> dict[str, Truth]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from observing import made_truth
 
 from pftrack_sim.core.errors import BoxError, ParameterError
 from pftrack_sim.core.records import (
@@ -21,26 +22,8 @@ from pftrack_sim.core.text import locate_error
 
 
 def truth(state: State = "visible", **changed: Any) -> Truth:
-    given: dict[str, Any] = {
-        "name": "target",
-        "box": [0, 0, 5, 6],
-        "amodal_box": [-1, 0, 6, 6],
-        "visible_box": [np.nan] * 4,
-        "swept_box": [np.nan] * 4,
-        "visible_fraction": 0.5,
-        "truncation": 0.1,
-        "state": state,
-        "occluders": ("pillar",),
-        "distance_m": 4.0,
-        "T_world_camera": np.eye(4),
-        "T_world_target": np.eye(4),
-        "K": np.eye(3),
-        "distortion": np.zeros(5),
-        "time_s": 0.1,
-        "image_motion_px": 0.0,
-        "luminance": 0.4,
-    }
-    return Truth(**{**given, **changed})
+    given = {"box": [0, 0, 5, 6], "amodal_box": [-1, 0, 6, 6], "visible_box": [np.nan] * 4, "swept_box": [np.nan] * 4}
+    return made_truth(state=state, **{**given, **changed})
 
 
 def arrays(record: Any) -> dict[str, np.ndarray]:

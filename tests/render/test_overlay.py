@@ -2,38 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from observing import made_truth
 
 from pftrack_sim.core.palette import GREY, styles_of
-from pftrack_sim.core.records import Estimate, Frame, State, Truth
+from pftrack_sim.core.records import Estimate, Frame, Truth
 from pftrack_sim.render import overlay
 from pftrack_sim.render.overlay import draw_boxes, draw_frame
 
 KO2012 = styles_of(["ko2012"])["ko2012"].colour
 
 
-def truth(box=(100.0, 60.0, 40.0, 90.0), *, name: str = "target", state: State = "visible", **changes) -> Truth:
-    values = {
-        "name": name,
-        "box": box,
-        "amodal_box": box,
-        "visible_box": box,
-        "swept_box": box,
-        "visible_fraction": 0.6,
-        "truncation": 0.0,
-        "state": state,
-        "occluders": ("pillar-3",),
-        "distance_m": 4.0,
-        "T_world_camera": np.eye(4),
-        "T_world_target": np.eye(4),
-        "K": np.eye(3),
-        "distortion": np.zeros(5),
-        "time_s": 1.5,
-        "image_motion_px": 0.0,
-        "luminance": 0.4,
-    }
-    return Truth(**{**values, **changes})
+def truth(box=(100.0, 60.0, 40.0, 90.0), **changes: Any) -> Truth:
+    return made_truth(**{"box": box, **changes})
 
 
 def picture(width: int = 320, height: int = 240) -> np.ndarray:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from observing import made_truth
 
 from pftrack_sim import scenario
 from pftrack_sim.core.boxes import pairwise_iou
@@ -16,13 +17,7 @@ RATE_HZ = 30.0
 
 
 def person(name: str = "target", *, box: tuple[float, ...] = (200.0, 100.0, 61.0, 150.0), **more: Any) -> Truth:
-    values = {
-        "name": name, "amodal_box": box, "visible_box": box, "swept_box": box, "visible_fraction": 0.9,
-        "truncation": 0.0, "state": "visible", "occluders": (), "distance_m": 3.0, "T_world_camera": np.eye(4),
-        "T_world_target": np.eye(4), "K": np.eye(3), "distortion": np.zeros(5), "time_s": 0.0, "image_motion_px": 0.0,
-        "luminance": 0.5,
-    }  # fmt: skip
-    return Truth(box=np.array(box), **{**values, **more})
+    return made_truth(name=name, box=np.array(box), **{"visible_fraction": 0.9, **more})
 
 
 def model(severity: float, seed: int = 3, **parameters: float) -> DetectionModel:
