@@ -9,7 +9,6 @@ import pytest
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import controllers, policies, trackers
 from pftrack_sim.core.errors import ScenarioError, UnknownNameError
-from pftrack_sim.core.records import Truth
 
 SMALL: dict[str, Any] = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadows": False, "duration_s": 12}
 
@@ -28,12 +27,6 @@ def track(name: str | None = None, switch_at: int = 20, steps: int = 60) -> tupl
     return observations, infos
 
 
-def same(one: Truth, other: Truth) -> bool:
-    """Whether two records are equal to the bit; NaN equals NaN."""
-    pairs = [(getattr(one, name), getattr(other, name)) for name in Truth.__dataclass_fields__]
-    return all(np.array_equal(a, b, equal_nan=True) if isinstance(a, np.ndarray | float) else a == b for a, b in pairs)
-
-
 def test_the_other_person_is_told_of_as_in_an_episode_without_a_switch():
     _, plain = track()
     name, seen = plain[25]["people"][1].name, 0
@@ -41,17 +34,17 @@ def test_the_other_person_is_told_of_as_in_an_episode_without_a_switch():
     for index, (before, after) in enumerate(zip(plain, switched, strict=True)):
         if index <= 20:
             assert after["truth"].name == "target"
-            assert same(before["truth"], after["truth"])
+            assert before["truth"] == after["truth"]
             continue
         assert after["truth"].name == after["people"][0].name == name
         assert {one.name for one in after["people"]} >= {one.name for one in before["people"]} - {"target"}
         known = {one.name: one for one in before["people"]}
         if name in known:
             seen += 1
-            assert same(known[name], after["truth"])
+            assert known[name] == after["truth"]
         if "target" in known:
             others = {one.name: one for one in after["people"]}
-            assert same(known["target"], others["target"])
+            assert known["target"] == others["target"]
         else:
             assert after["truth"].state == "out_of_view"
     assert seen > 10
