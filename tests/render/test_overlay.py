@@ -97,11 +97,6 @@ def test_particles_are_drawn_inside_the_image_only():
     assert (with_dots != without).any(axis=2).sum() == 1
 
 
-def test_more_trackers_than_colours_can_be_drawn():
-    estimates = {f"tracker-{i}": Estimate(np.array([10.0, 10, 20, 20])) for i in range(9)}
-    draw_boxes(picture(640, 480), truth(), estimates)
-
-
 def test_other_people_of_a_frame_are_marked():
     image = picture()
     target, other = truth(), truth((200.0, 80.0, 30.0, 80.0), name="distractor-1")
