@@ -60,6 +60,14 @@ def made_truth(**values: Any) -> Truth:
     return Truth(**plain | values)
 
 
+def box_of(mask: np.ndarray) -> np.ndarray:
+    """`(4,)` extent of the true pixels of an `(H, W)` mask; NaN when there are none."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not rows.size:
+        return np.full(4, np.nan)
+    return np.array([columns[0], rows[0], np.ptp(columns) + 1.0, np.ptp(rows) + 1.0])
+
+
 def observed(stage: Stage, pose: np.ndarray) -> dict[str, Truth]:
     """Truth by name, from a new observer."""
     observer = TruthObserver(stage.model, stage.people, K, (WIDTH, HEIGHT))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pftrack_sim.core.errors import BoxError
-from pftrack_sim.core.types import BoolArray, FloatArray, read_only
+from pftrack_sim.core.types import FloatArray, read_only
 
 Box: TypeAlias = FloatArray  # `(4,)` x, y, w, h [px]
 
@@ -121,21 +121,6 @@ def from_states(states: FloatArray) -> FloatArray:
     boxes = states[..., :4].copy()
     boxes[..., :2] -= 0.5 * boxes[..., 2:]
     return boxes
-
-
-def from_mask(mask: BoolArray) -> Box:
-    """Extent of the true pixels of an `(H, W)` mask; NaN when there are none.
-
-    >>> mask = np.zeros((4, 6), bool); mask[1:3, 2:5] = True
-    >>> from_mask(mask).tolist()
-    [2.0, 1.0, 3.0, 2.0]
-    """
-    rows = np.flatnonzero(mask.any(axis=1))
-    if rows.size == 0:
-        return NO_BOX.copy()
-    columns = np.flatnonzero(mask.any(axis=0))
-    top, left = float(rows[0]), float(columns[0])
-    return np.array([left, top, float(columns[-1]) + 1.0 - left, float(rows[-1]) + 1.0 - top])
 
 
 def region_box(text: str, *, mask: str = "m") -> Box | None:

@@ -14,13 +14,13 @@ from unittest.mock import patch
 import numpy as np
 
 from pftrack_sim import scenario
-from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Truth
 from pftrack_sim.render.capture.frame_capture import CapturedFrame
 from pftrack_sim.render.segmentation import Segmenter
 from pftrack_sim.scene.layout import body_owners
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.truth.observer import TruthObserver
+from tests.observing import box_of
 from tests.render_stage import HEIGHT, WIDTH
 from tests.truth.test_truth_exactness import pixels_by_rows
 
@@ -59,7 +59,7 @@ def compared(name: str, seed: int) -> Iterator[tuple[float, float, float, bool]]
             seen = np.zeros((HEIGHT, WIDTH), dtype=bool)
             seen[silhouette.rect.slices] = silhouette.visible
             exact, somewhere, everywhere, whole = pixels_by_rows(taken[-1], segmenter, own, silhouette.rect)
-            box, reference = boxes.from_mask(seen), boxes.from_mask(exact)
+            box, reference = box_of(seen), box_of(exact)
             ends = [np.append(one[:2], one[:2] + one[2:]) for one in (box, reference)]
             explained = not (seen & ~somewhere).any() and not (everywhere & ~seen).any()
             off = abs(truth.visible_fraction - exact.sum() / whole.sum())

@@ -37,7 +37,6 @@ def test_overlap_agrees_with_counted_pixels(one: tuple[int, ...], other: tuple[i
     for x, y, w, h in (one, other):
         mask = np.zeros((24, 28), bool)
         mask[y : y + h, x : x + w] = True
-        assert boxes.from_mask(mask).tolist() == [x, y, w, h]
         masks.append(mask)
     counted = (masks[0] & masks[1]).sum() / (masks[0] | masks[1]).sum()
     assert abs(boxes.iou(one, other) - counted) < 1e-12
@@ -67,10 +66,6 @@ def test_area_and_centre():
     assert boxes.area([3, 4, 5, 6]) == 30
     assert boxes.area([0, 0, -1, -1]) == boxes.area([np.nan] * 4) == boxes.area([0, 0, np.inf, 1]) == 0
     assert boxes.centre([1, 2, 10, 20]).tolist() == [6, 12]
-
-
-def test_an_empty_mask_has_no_box():
-    assert np.isnan(boxes.from_mask(np.zeros((4, 5), bool))).all()
 
 
 def test_checked_gives_a_copy():

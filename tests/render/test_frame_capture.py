@@ -8,13 +8,13 @@ import cv2
 import mujoco
 import numpy as np
 import pytest
+from observing import box_of
 from render_stage import HEIGHT, NEAR, WIDTH, K, new_spec
 
 from pftrack_sim import scenario
 from pftrack_sim.camera.distortion import Lens
 from pftrack_sim.camera.shake import CameraShake
 from pftrack_sim.camera.shutter import Shutter
-from pftrack_sim.core import boxes
 from pftrack_sim.core.records import Frame
 from pftrack_sim.render.capture.frame_capture import FrameCapture
 from pftrack_sim.render.culling import PixelRect, View
@@ -156,7 +156,7 @@ def test_the_image_agrees_with_the_box_through_the_lens(studio, camera: str):
     scene = studio("ball", lens=lens, K=K)
     for y, z in places:
         frame = scene.shoot((4.0, y, z), facing())
-        seen = boxes.from_mask(lit(frame.image) > 0.5)
+        seen = box_of(lit(frame.image) > 0.5)
         assert np.abs(sides(frame.truth.visible_box) - sides(seen)).max() <= 1.0
 
 
@@ -178,7 +178,7 @@ def test_the_box_of_a_body_that_the_near_plane_cuts_encloses_its_pixels(
     scene.model.body("pole").pos[0] = -9.0
     frame = scene.shoot(at, facing())
     assert at[0] - 0.4 < NEAR < at[0]
-    left, top, right, bottom = sides(frame.truth.box) - sides(boxes.from_mask(lit(frame.image) > 0.1))
+    left, top, right, bottom = sides(frame.truth.box) - sides(box_of(lit(frame.image) > 0.1))
     assert max(left, top) <= 1.0
     assert min(right, bottom) >= -1.0
 
@@ -258,7 +258,7 @@ def test_boxes_are_those_at_each_rows_mid_exposure(studio, lens, way: str):
             before = readout_s * (1.0 - row / HEIGHT)
         expected[side] = where(before)[side]
     assert np.abs(sides(frame.truth.amodal_box) - expected).max() < 1.0
-    seen = sides(boxes.from_mask(lit(frame.image) > 0.5))
+    seen = sides(box_of(lit(frame.image) > 0.5))
     assert np.abs(sides(frame.truth.visible_box) - seen).max() <= 1.0
     assert np.abs(sides(frame.truth.amodal_box) - seen).max() < 1.5
 
@@ -280,8 +280,8 @@ def test_a_moving_edge_is_as_wide_as_speed_times_exposure(studio, way: str):
     assert abs(np.sqrt(12.0) * spread - width) < 1.0
     truth = frame.truth
     assert abs((truth.swept_box[2] - truth.amodal_box[2]) - width) < 1.0
-    assert np.abs(sides(truth.swept_box) - sides(boxes.from_mask(lit(frame.image) > 0.02))).max() < 1.5
-    assert np.abs(sides(truth.amodal_box) - sides(boxes.from_mask(lit(frame.image) > 0.5))).max() < 1.5
+    assert np.abs(sides(truth.swept_box) - sides(box_of(lit(frame.image) > 0.02))).max() < 1.5
+    assert np.abs(sides(truth.amodal_box) - sides(box_of(lit(frame.image) > 0.5))).max() < 1.5
 
 
 def test_a_static_scene_does_not_depend_on_the_exposure(studio):
@@ -326,7 +326,7 @@ def test_visible_pixels_are_those_at_each_rows_mid_exposure(studio, lens, exposu
         visible[row] = ids[at[:, 1], at[:, 0]] == ball
     assert 0.2 < truth.visible_fraction < 0.9
     assert truth.occluders == ("pole",)
-    assert np.abs(sides(truth.visible_box) - sides(boxes.from_mask(visible))).max() <= 1.0
+    assert np.abs(sides(truth.visible_box) - sides(box_of(visible))).max() <= 1.0
 
 
 @pytest.mark.parametrize("edge", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])

@@ -5,11 +5,10 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from observing import mujocos_renderer
+from observing import box_of, mujocos_renderer
 from render_stage import FAR, HEIGHT, NEAR, WIDTH, K, Stage, build, looking, new_spec, random_view
 
 from pftrack_sim.camera.pinhole import intrinsics
-from pftrack_sim.core import boxes
 from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.render.segmentation import Segmentation, Segmenter, draw_triangles
@@ -153,7 +152,7 @@ def test_people_at_a_distance_are_drawn_and_segmented_by_the_same_coarser_meshes
             whole = np.zeros((HEIGHT, WIDTH), dtype=np.int32) - 1, np.zeros((HEIGHT, WIDTH), dtype=np.float32)
             poses = data.geom_xpos, data.geom_xmat.reshape(-1, 3, 3), pose
             draw_triangles(fine, segmenter.triangles, *poses, view.intrinsics, NEAR, *whole)
-            assert np.abs(boxes.from_mask(whole[0] >= 0) - boxes.from_mask(ours)).max() <= 1.0
+            assert np.abs(box_of(whole[0] >= 0) - box_of(ours)).max() <= 1.0
     finest, coarse, coarsest = np.transpose(counts).tolist()
     assert finest[0] == 13 > finest[1] > finest[2] >= finest[3] == 0
     assert coarse[1] > 0

@@ -12,12 +12,11 @@ import mujoco
 import numpy as np
 import pytest
 from driving import driven
-from observing import mujocos_renderer
+from observing import box_of, mujocos_renderer
 from robot_files import EYE, LENS_AT, MJCF, PAN_AT, TILT_AT, URDF, stl, write_mjcf, write_urdf
 from scipy.spatial.transform import Rotation
 
 from pftrack_sim import controllers, policies, scenario, trackers
-from pftrack_sim.core import boxes
 from pftrack_sim.core.data_files import assets_dir
 from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_M, RANGES
@@ -84,7 +83,7 @@ def test_boxes_are_the_extents_of_the_pixels_that_mujoco_draws(kind: str, tmp_pa
                 for _ in range(10):
                     truth = own.advance().truth
                 ids = renderer.ids(own.world.data, truth.T_world_camera)
-                seen = boxes.from_mask((ids >= 0) & is_target[ids])
+                seen = box_of((ids >= 0) & is_target[ids])
                 if truth.visible_fraction == 1.0 and truth.truncation == 0.0:
                     compared += 1
                     gaps = truth.box - seen

@@ -12,7 +12,7 @@ import cv2
 import mujoco
 import numpy as np
 import pytest
-from observing import finer_ids, mujocos_renderer, observed
+from observing import box_of, finer_ids, mujocos_renderer, observed
 from render_stage import FOVY, HEIGHT, NEAR, WIDTH, K, Stage, build, looking, new_spec, random_view
 from room_files import WRITERS, scenario_of, write_toy
 
@@ -100,7 +100,7 @@ def test_amodal_boxes_are_the_extents_of_rendered_pixels(solid: str):
             mujoco.mj_forward(stage.model, stage.data)
             pose = looking((0.0, 0.0, 0.0), (1.0, *rng.normal(size=2) * 0.05), rng.normal() * 0.2)
             (truth,) = observer.observe(stage.data, pose, None, 0.0, stage.roots())
-            seen = boxes.from_mask(renderer.ids(stage.data, pose) >= 0)
+            seen = box_of(renderer.ids(stage.data, pose) >= 0)
             if np.isnan(seen).any():
                 assert truth.state == "out_of_view"
                 continue
@@ -126,7 +126,7 @@ def test_truth_agrees_with_brute_force(seed: int):
             wanted = expected[name]
             # Not only within 0.01: both are drawn by the same numbers.
             assert truth.visible_fraction == wanted["fraction"]
-            assert np.array_equal(truth.visible_box, boxes.from_mask(wanted["visible"]), equal_nan=True)
+            assert np.array_equal(truth.visible_box, box_of(wanted["visible"]), equal_nan=True)
             assert list(truth.occluders) == wanted["occluders"]
             state = "visible" if wanted["fraction"] else "occluded" if wanted["amodal"] else "out_of_view"
             assert truth.state == state
@@ -203,7 +203,7 @@ def assert_truth_is_that_of_an_independent_segmentation(
                 assert abs(truth.visible_fraction - visible.sum() / whole.sum()) < 0.01
                 # A tip thinner than a pixel reaches farther than any pixel that shows it.
                 for box, mask, most in ((truth.visible_box, visible, 1.0), (truth.box, whole, 2.0)):
-                    off = box - boxes.from_mask(mask)
+                    off = box - box_of(mask)
                     assert np.abs([*off[:2], *(off[:2] + off[2:])]).max() <= most if mask.any() else np.isnan(box).all()
                 compared += 0.05 < truth.visible_fraction < 0.95
                 world.advance()
@@ -266,7 +266,7 @@ def test_pixels_of_a_partly_hidden_target_are_those_that_its_rays_meet_when_thei
             at_centres, somewhere, everywhere, whole = pixels_by_rows(taken[-1], segmenter, own, silhouette.rect)
             assert not (seen & ~somewhere).any()
             assert not (everywhere & ~seen).any()
-            assert np.array_equal(truth.visible_box, boxes.from_mask(seen), equal_nan=True)
+            assert np.array_equal(truth.visible_box, box_of(seen), equal_nan=True)
             assert abs(truth.visible_fraction - at_centres.sum() / whole.sum()) <= max(0.005, 3.0 / whole.sum())
             compared += 0.0 < truth.visible_fraction < 1.0
     assert compared >= 3
@@ -325,7 +325,7 @@ def test_people_far_off_the_axis_of_an_equidistant_lens_are_those_of_an_independ
                     visible, whole = (np.append(own, False)[one[down, right]] & inside for one in ids)
                     assert abs(truth.visible_fraction - visible.sum() / whole.sum()) < 0.01 + 2.0 / whole.sum()
                     for box, mask in ((truth.visible_box, visible), (truth.box, whole)):
-                        off = box - boxes.from_mask(mask)
+                        off = box - box_of(mask)
                         # Slivers of them are thinner than a pixel.
                         assert np.abs([*off[:2], *(off[:2] + off[2:])]).max() <= (2.5 if lens.wide else 2.0)
                     off = truth.amodal_box - box_of_points(points_of(world, triangles, own & drawn, pose), K, lens)
