@@ -178,6 +178,8 @@ def _opened_video(path: Path) -> Generator[tuple[Any, Any]]:
             stream = container.streams.video[0]
             stream.codec_context.options = limit
             yield container, stream
+    except (FileNotFoundError, PermissionError) as error:
+        raise SequenceError(f"{path}: cannot be read: {error.strerror}") from None
     except (FFmpegError, OSError, IndexError) as error:
         problem = one_line(str(getattr(error, "strerror", None) or "it has no video stream"))
         raise SequenceError(

@@ -55,6 +55,8 @@ WRONG = [
     (["evaluate", "a.mp4", "--video", "./a.mp4"], "--video is what is read, a.mp4: name another file"),
     (["evaluate", "a.mp4", "--video", "b.xyz"], "--video is a .mp4 file, got 'b.xyz'"),
     (["check", "absent-folder"], "absent-folder is not a run folder"),
+    (["check", str(Path(__file__))], "test_wrong_input.py is not a run folder: it has no run.json"),
+    (["measure", "absent.mp4"], "absent.mp4: cannot be read: No such file or directory"),
     (["query", "absent-folder", "SELECT 1"], "absent-folder is not a run folder"),
     (["merge", "out", "absent-folder"], "absent-folder is not a run folder"),
     (["bench", "plaza-walk", "--set", "camera.widthpx=3"], "did you mean 'width_px'"),

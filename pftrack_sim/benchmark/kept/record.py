@@ -59,7 +59,7 @@ def read_record(path: Path) -> Record:
     try:
         tree: object = parse_json(read_bytes(source, _MAX_RECORD_BYTES))
         check_tree(tree, _MAX_RECORD_VALUES)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise RunError(f"{path} is not a run folder: it has no {RECORD}") from None
     except (OSError, ValueError) as error:
         raise RunError(f"{source} cannot be read: {one_line(str(error))}") from None
