@@ -86,7 +86,9 @@ def _first(lines: Sequence[str]) -> list[str]:
 
 def where(one: Result) -> str:
     """Scenario, condition and seed of a result."""
-    return " ".join([one.scenario, *([one.condition.name] if one.condition.name != "base" else []), f"seed {one.seed}"])
+    from pftrack_sim.report.tables import place_of
+
+    return f"{place_of(one)} seed {one.seed}"
 
 
 def _print_episodes(results: Sequence[Result]) -> None:

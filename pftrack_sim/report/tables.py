@@ -127,7 +127,8 @@ def row_name(label: str, results: Iterable[Result]) -> str:
 
 def place_of(result: Result) -> str:
     """`"corridor jitter=2"`; the base condition has the scenario's name alone."""
-    return result.scenario if not result.condition.levels else f"{result.scenario} {result.condition.name}"
+    name = result.condition.name
+    return result.scenario if name == "base" else f"{result.scenario} {name}"
 
 
 def summaries(

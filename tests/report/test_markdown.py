@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from pftrack_sim import score
-from pftrack_sim.benchmark import RunStore, plan_all, run
+from pftrack_sim.benchmark import RunStore, make_plan, plan_all, run
+from pftrack_sim.benchmark.asked.from_names import join_plans
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report import write_report
 from pftrack_sim.report.markdown import tables, update_document
 from pftrack_sim.report.profiles import changes_or_tiers
 from pftrack_sim.scenario.axes import axes_by_name
 from pftrack_sim.score.profile import recorded_quantiles
+from tests.benchmark.small import SMALL
 
 AXES = Path(__file__).parents[2] / "docs/axes.md"
 
@@ -46,6 +48,14 @@ def test_overlaps_are_those_of_the_summary(finished: Path):
     assert lines[4].startswith("| stay |")
     assert f"| {np.mean(stay):.3f} | - |" in lines[4]
     assert lines[5].startswith("| fixed size |")
+
+
+def test_other_settings_without_levels_have_a_column_of_their_own(tmp_path: Path):
+    dark = {**SMALL, "lights.ev": -2.0}
+    plans = [make_plan(["corridor"], ["stay"], [0], overrides=SMALL)]
+    plans += [make_plan(["corridor"], ["stay"], [0], overrides=dark, variant="dark")]
+    store = run(join_plans(plans), tmp_path / "run", videos="none", workers=0)
+    assert tables(store).splitlines()[0].startswith("| Mean overlap | corridor | corridor dark base |")
 
 
 def test_skill_and_shares_of_frames_stand_beside_the_mean_overlap(finished: Path):
