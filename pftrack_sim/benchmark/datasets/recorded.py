@@ -64,6 +64,7 @@ def evaluate(
     starts: Sequence[float] = (0.0,),
     video: Path | None = None,
     isolation: Isolation = "never",
+    limits: Limits | None = None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[RecordedResult]:
     """Run every tracker on every sequence with every seed.
@@ -79,6 +80,7 @@ def evaluate(
         starts: Shares of the sequence, in [0, 1), after which they start and scores begin.
         video: Where to write the annotated and estimated boxes and particles at the first seed; see `video_paths`.
         isolation: Which trackers run in a process of their own.
+        limits: Limits of those.
         on_frame: Called after every frame of a sequence.
 
     Raises:
@@ -93,12 +95,13 @@ def evaluate(
     check_run_axis(START, starts)
     if min(starts) < 0.0:
         raise ParameterError("recorded sequences are shown forward only: starts must be 0 or more")
+    limits = limits or Limits()
     specs = [TrackerSpec.of(one) for one in trackers]
     videos = [None] * len(sequences) if video is None else video_paths(sequences, video)
     results: list[RecordedResult] = []
     with TrackerProcesses() as processes:
-        check_trackers(specs, isolation, Limits(), processes)
-        made = partial(make_runners, specs, isolation=isolation, processes=processes)
+        check_trackers(specs, isolation, limits, processes)
+        made = partial(make_runners, specs, isolation=isolation, limits=limits, processes=processes)
         for sequence, path in zip(sequences, videos, strict=True):
             arms = [(seed, start, round(start * len(sequence))) for seed in seeds for start in starts]
             runners = [made(seed=seed, box_noise=box_noise, first_frame=frame) for seed, _, frame in arms]
