@@ -193,9 +193,10 @@ def draw(pairs: Pairs, said: str, measure: str, path: Path) -> None:
         axes.plot([], [], "o", color=colours[tracker], label=tracker)
     for condition in conditions:
         axes.plot([], [], markers[condition], color="0.4", label=condition)
-    axes.set(xlabel="mean overlap, robot on its script", ylabel=f"{measure}, robot driven", xlim=(-0.02, 1.03))
+    following = measure.removeprefix("follow_").replace("_", " ")
+    axes.set(xlabel="mean overlap, robot on its script", ylabel=f"{following}, robot driven", xlim=(-0.02, 1.03))
     axes.set_ylim(-0.03, 1.03)
-    axes.set_title(said, fontsize=9)
+    figure.suptitle(said, fontsize=9, x=0.01, horizontalalignment="left")
     axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
     figure.savefig(path, dpi=120)
     plt.close(figure)
