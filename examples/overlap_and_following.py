@@ -128,8 +128,9 @@ def interval_of(statistic: Statistic, count: int) -> tuple[float, float, float]:
     """A statistic of means over so many episodes without its bias, and its 95 % interval.
 
     Noise in the means lowers a correlation. The bootstrap over episodes shows by how much, and a second one within each
-    of its samples how far that corrected value spreads (Efron & Tibshirani 1993, chapters 10 and 12). Covers 89 to 96 %
-    of correlations of 0.36 to 0.84 with 20 episodes, where percentiles of the bootstrap cover 17 to 75 %.
+    of its samples how far that corrected value spreads (Efron & Tibshirani 1993, chapters 10 and 12). With 20 episodes
+    the interval covers 89 to 99 % of correlations of 0.34 to 0.94, percentiles of the bootstrap 5 to 87 %: 200
+    simulations each (`coverage(spread, 200)` in `tests/examples/test_overlap_and_following.py`, spreads 0.08 to 0.6).
     """
     generator = np.random.default_rng(0)
 
