@@ -1,5 +1,6 @@
 """Frames of an episode reach every tracker and every sink, at their own times."""
 
+import weakref
 from pathlib import Path
 
 import av
@@ -8,6 +9,7 @@ import pytest
 from pftrack_sim import scenario
 from pftrack_sim.benchmark.running.filming import save_episode
 from pftrack_sim.benchmark.running.rollout import Sample, rollout, simulated
+from pftrack_sim.benchmark.running.sinks import TruthLog
 from pftrack_sim.benchmark.running.tracker_runner import make_runners
 from pftrack_sim.simulation.simulation import Simulation
 from tests.benchmark.small import SMALL
@@ -25,6 +27,15 @@ def test_every_frame_reaches_trackers_and_sinks_until_the_end():
         early: list[Sample] = []
         rollout(simulated(simulation, 0, until_s=0.1), [], [early.append])
     assert [sample.time_s for sample in early] == pytest.approx([0.0, 0.1])
+
+
+def test_an_episode_does_not_fill_the_memory_with_its_images():
+    images: list[weakref.ref[object]] = []
+    log = TruthLog()
+    with Simulation(scenario.load("corridor", {**SMALL, "distractors.count": 2})) as simulation:
+        rollout(simulated(simulation, 0), [], [log, lambda sample: images.append(weakref.ref(sample.image))])
+        assert sum(image() is not None for image in images) <= 1, "all but that of the last frame are gone"
+    assert len(images) == len(log.people) == 4
 
 
 def test_a_video_shows_frames_at_their_own_times(tmp_path: Path):

@@ -75,7 +75,7 @@ class TruthLog:
     def __init__(self) -> None:
         self.graphics = ""
         self.truths: list[Truth] = []
-        self.people: list[Sequence[Truth]] = []
+        self.people: list[tuple[Truth, ...]] = []
         self._images = hashlib.blake2b(digest_size=16)
 
     def __call__(self, sample: Sample) -> None:
@@ -83,7 +83,7 @@ class TruthLog:
         frame = sample.frame
         assert frame is not None
         self.truths.append(frame.truth)
-        self.people.append(frame.people)
+        self.people.append(tuple(frame.people))  # A sequence that is still to be found would keep the image.
         self._images.update(np.ascontiguousarray(sample.image).data)
 
     @property
