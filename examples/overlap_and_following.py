@@ -61,6 +61,8 @@ FROM_FRAMES = """
 
 Statistic: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """`(B,)` values from `(B, S)` weights of the episodes."""
+Shares: TypeAlias = list[NDArray[np.float64]]
+"""Weights of the episodes of each sample; their sum is 1."""
 
 COLUMNS = "SELECT column_name FROM (DESCRIBE SELECT * FROM read_parquet($closed))"
 
@@ -110,22 +112,26 @@ def spearman(pairs: Pairs) -> Statistic:
     """The rank correlation of the means over episodes, of the points that have both."""
     scores = [pairs.overlap, pairs.following]
     measured = np.all([~np.isnan(one).all(axis=1) for one in scores], axis=0)
-
-    def rho(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-        ranks = [stats.rankdata(_means(one[measured], weights), axis=1) for one in scores]
-        first, second = (one - one.mean(axis=1, keepdims=True) for one in ranks)
-        return (first * second).sum(axis=1) / np.sqrt((first**2).sum(axis=1) * (second**2).sum(axis=1))
-
-    return rho
+    return lambda weights: rank_correlation(*(means(one[measured], weights) for one in scores))
 
 
-def _means(scores: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def rank_correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`(B,)` Spearman's correlations of the rows of two `(B, N)` arrays."""
+    first, second = (stats.rankdata(scores, axis=1) for scores in (one, other))
+    first, second = (ranks - ranks.mean(axis=1, keepdims=True) for ranks in (first, second))
+    return (first * second).sum(axis=1) / np.sqrt((first**2).sum(axis=1) * (second**2).sum(axis=1))
+
+
+def means(scores: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`(B, N)` means of `(N, S)` scores with `(B, S)` weights, of those that are known."""
     known = ~np.isnan(scores)
     return (weights @ np.where(known, scores, 0.0).T) / (weights @ known.T)
 
 
-def interval_of(statistic: Statistic, count: int) -> tuple[float, float, float]:
+def interval_of(statistic: Statistic, *counts: int) -> tuple[float, float, float]:
     """A statistic of means over so many episodes without its bias, and its 95 % interval.
+
+    With several counts the weights are of as many independent samples, one after the other.
 
     Noise in the means lowers a correlation. The bootstrap over episodes shows by how much, and a second one within each
     of its samples how far that corrected value spreads (Efron & Tibshirani 1993, chapters 10 and 12). With 20 episodes
@@ -134,14 +140,17 @@ def interval_of(statistic: Statistic, count: int) -> tuple[float, float, float]:
     """
     generator = np.random.default_rng(0)
 
-    def corrected(shares: NDArray[np.float64], samples: int) -> float:
-        drawn = statistic(generator.multinomial(count, shares, samples) / count)
-        return float(2.0 * statistic(shares[None])[0] - np.nanmean(drawn))
+    def drawn(shares: Shares, samples: int) -> Shares:
+        return [generator.multinomial(len(one), one, samples) / len(one) for one in shares]
 
-    even = np.full(count, 1.0 / count)
+    def corrected(shares: Shares, samples: int) -> float:
+        noisy = statistic(np.concatenate(drawn(shares, samples), axis=-1))
+        return float(2.0 * statistic(np.concatenate(shares)[None])[0] - np.nanmean(noisy))
+
+    even = [np.full(count, 1.0 / count) for count in counts]
     value = corrected(even, 2000)
-    spread = np.nanstd([corrected(one / count, 100) for one in generator.multinomial(count, even, 200)])
-    half = stats.t.ppf(0.975, count - 1) * float(spread) * np.sqrt(count / (count - 1))
+    spread = np.nanstd([corrected(list(one), 100) for one in zip(*drawn(even, 200), strict=True)])
+    half = stats.t.ppf(0.975, min(counts) - 1) * float(spread) * np.sqrt(min(counts) / (min(counts) - 1))
     return value, value - half, value + half
 
 
