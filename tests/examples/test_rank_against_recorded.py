@@ -56,14 +56,14 @@ def test_halves_of_sequences_agree_no_better_than_their_noise_lets_them(example:
     generator, drawn = np.random.default_rng(0), np.linspace(0.1, 0.8, 20)
     alike, apart = (overlaps(generator, drawn, 12, spread) for spread in (1e-6, 0.5))
     exact = np.tile(drawn[:, None], 18)
-    assert example["ceiling"](alike, exact) == pytest.approx((1.0, 1.0))
-    halves, with_board = example["ceiling"](apart, exact)
+    assert example["agreement_of_halves"](alike, exact) == pytest.approx((1.0, 1.0))
+    halves, with_board = example["agreement_of_halves"](apart, exact)
     assert 0.2 < halves < with_board < 0.95, "the board has no noise, the other half has"
 
 
 @pytest.mark.slow
 def test_it_compares_the_board_with_sequences_of_one_s_own(tmp_path: Path):
-    command = [sys.executable, "-c", "from pftrack_sim.cli import main; main()", "export", "corridor", "--seeds", "0:3"]
+    command = [sys.executable, "-c", "from pftrack_sim.cli import main; main()", "export", "corridor", "--seeds", "0:5"]
     short = ("duration_s=0.5", "camera.width_px=96", "camera.height_px=72", "lights.shadows=false")
     command += ["--format", "otb", "--out", str(tmp_path / "own"), *(part for one in short for part in ("--set", one))]
     subprocess.run(command, check=True, capture_output=True, cwd=ROOT)
@@ -74,4 +74,27 @@ def test_it_compares_the_board_with_sequences_of_one_s_own(tmp_path: Path):
     assert done.stdout.splitlines()[0].split() == ["tracker", "recorded", "standard-1"]
     assert "stay" in done.stdout
     assert "oracle" not in done.stdout, "it knows the truth"
-    assert "3 sequences, 18 seeds" in done.stdout
+    assert "5 sequences, 18 seeds\nHalf of the sequences and standard-1: " in done.stdout
+
+
+def test_few_sequences_have_no_interval(example: dict[str, Any]):
+    drawn = {label: np.full(18, 0.1 * level) for level, label in enumerate("abc")}
+    real = {label: overlaps[:2] + 0.1 for label, overlaps in drawn.items()}
+    assert example["report"](real, drawn, "own").splitlines()[-1] == "Spearman 1.00: 3 trackers, 2 sequences, 18 seeds"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere"], "nowhere: no such folder"),
+        (["nowhere", "--suite", "other"], "of 0 trackers that need only images"),
+        (["nowhere", "--seeds", "5:2"], "--seeds"),
+    ],
+)
+def test_wrong_arguments_end_with_one_error(arguments: list[str], said: str):
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLE), *arguments], check=False, capture_output=True, text=True, cwd=ROOT
+    )
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith("rank_against_recorded.py: error: ")
+    assert said in done.stderr.splitlines()[-1]
