@@ -45,6 +45,7 @@ def robot_parameters(settings: ResolvedScenario, latency_ms: float = 0.0) -> Rob
         latency_ms: Time that the tracker takes per frame: the controller is called as often as the tracker answers.
     """
     robot, camera = settings.robot, settings.viewing.camera
+    height_m, pan_rad, tilt_rad = _mounting(settings)
     return RobotParameters(
         (camera.width_px, camera.height_px),
         2.0 * camera.half_view_rad[1],
@@ -54,20 +55,28 @@ def robot_parameters(settings: ResolvedScenario, latency_ms: float = 0.0) -> Rob
         math.radians(robot.max_pan_deg_s),
         math.radians(robot.max_tilt_deg_s),
         settings.follow.distance_m,
-        _height_m(settings),
+        height_m,
         robot.range_finder.field_deg,
         robot.range_finder.range_m,
+        pan_rad,
+        tilt_rad,
     )
 
 
-def _height_m(settings: ResolvedScenario) -> float:
-    """Height of the camera that is looked through, with the head at rest."""
+def _mounting(settings: ResolvedScenario) -> tuple[float, float, float]:
+    """Height of the camera that is looked through, and pan and tilt of its axis off the head's, with the head at rest.
+
+    A head that tilts turns the axis of a camera that looks aside; that is not told.
+    """
     first = settings.camera
     if settings.viewed not in {one.name for one in settings.cameras}:
-        return first.height_m
-    _, down_m, ahead_m = settings.T_camera(settings.viewed)[:3, 3].tolist()
+        return first.height_m, 0.0, 0.0
     tilt = math.radians(first.tilt_deg)
-    return first.height_m - down_m * math.cos(tilt) + ahead_m * math.sin(tilt)
+    pose = settings.T_camera(settings.viewed)
+    (x, y, z), (_, down_m, ahead_m) = pose[:3, 2].tolist(), pose[:3, 3].tolist()
+    forward, up = z * math.cos(tilt) + y * math.sin(tilt), z * math.sin(tilt) - y * math.cos(tilt)
+    pan_rad, tilt_rad = math.atan2(-x, forward), math.asin(min(max(up, -1.0), 1.0)) - tilt
+    return first.height_m - down_m * math.cos(tilt) + ahead_m * math.sin(tilt), pan_rad, tilt_rad
 
 
 def frames_per_result(latency_ms: float, rate_hz: float) -> int:

@@ -10,6 +10,7 @@ import pytest
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import controllers, policies, scenario, trackers
 from pftrack_sim.core.errors import ParameterError
+from pftrack_sim.core.proprioception import PROPRIO_INDEX
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.simulation.simulation import Simulation
 
@@ -116,11 +117,37 @@ def test_no_latency_is_the_same_to_the_bit_and_some_is_not():
 
 
 @pytest.mark.parametrize("up_m", [-0.6, 0.6])
-def test_a_controller_knows_the_height_of_the_camera_that_is_looked_through(up_m: float):
-    changes = {**SMALL, "camera.tilt_deg": 10.0, "cameras": [{"name": "other", "up_m": up_m, "ahead_m": 0.3}]}
+def test_a_controller_knows_height_and_direction_of_the_camera_that_is_looked_through(up_m: float):
+    other = {"name": "other", "up_m": up_m, "ahead_m": 0.3, "pan_deg": -60.0, "tilt_deg": -15.0}
     for viewed in ("camera", "other"):
-        loaded = scenario.load("plaza-walk", {**changes, "viewed": viewed})
-        with Simulation(loaded, image=False) as simulation:
-            truth = simulation.reset(1).truth
-            told = policies.robot_parameters(simulation.settings).camera_height_m
-        assert told == pytest.approx(truth.T_world_camera[2, 3], abs=0.02)
+        changes = {**SMALL, "camera.tilt_deg": 10.0, "cameras": [other], "viewed": viewed}
+        with Simulation(scenario.load("plaza-walk", changes), image=False) as simulation:
+            pose = simulation.reset(1).truth.T_world_camera
+            told, world = policies.robot_parameters(simulation.settings), simulation.world
+            pan, tilt = told.gaze_rad(world.proprio())
+            heading = world.robot_pose()[2]
+        assert told.camera_height_m == pytest.approx(pose[2, 3], abs=0.02)
+        bearing = math.remainder(heading + pan - math.atan2(pose[1, 2], pose[0, 2]), 2.0 * math.pi)
+        assert bearing == pytest.approx(0.0, abs=0.03)
+        assert tilt == pytest.approx(math.asin(pose[2, 2]), abs=0.03)
+
+
+def test_a_robot_follows_by_a_camera_that_looks_to_the_side():
+    env = gym.make(
+        "pftrack_sim/TrackAndFollow-v0",
+        scenario="follow/plaza",
+        overrides={"duration_s": 15.0, "cameras": [{"name": "side", "pan_deg": -25.0}], "viewed": "side"},
+        image=False,
+    )
+    observation, info = env.reset(seed=3)
+    robot = policies.robot_parameters(env.unwrapped.simulation.settings)
+    policy = policies.TrackAndFollowPolicy(trackers.make("oracle"), controllers.make("servo-avoid"), robot)
+    distances_m, pans_deg = [], []
+    for _ in range(445):
+        observation, _, _, _, info = env.step(policy(observation, info))
+        distances_m.append(info["distance_m"])
+        pans_deg.append(math.degrees(observation["proprio"][PROPRIO_INDEX["pan_rad"]]))
+    env.close()
+    assert np.median(pans_deg) == pytest.approx(25.0, abs=8.0)
+    assert max(distances_m) < 5.0
+    assert info["truth"].visible_fraction > 0.5

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.proprioception import FIELD_DEG, RANGE_M
+from pftrack_sim.core.proprioception import FIELD_DEG, PROPRIO_INDEX, RANGE_M
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.types import FloatArray
 
@@ -31,9 +31,12 @@ class RobotParameters:
         camera_height_m: Height of the optical centre above the ground.
         beam_field_deg: Angle from the first to the last beam of the range finder.
         range_m: Longest range of the beams.
+        camera_pan_rad: How far the axis of the camera that is looked through is turned to the left of the head's.
+        camera_tilt_rad: How far it is turned up from the head's.
 
     Raises:
-        ParameterError: A number that is not positive and finite, or a field of view of 180 degrees or more.
+        ParameterError: An angle of the camera that is not finite, another number that is not positive and finite, or a
+            field of view of 180 degrees or more.
     """
 
     image_size: tuple[int, int] = (640, 480)
@@ -47,9 +50,15 @@ class RobotParameters:
     camera_height_m: float = 1.25
     beam_field_deg: float = FIELD_DEG
     range_m: float = RANGE_M
+    camera_pan_rad: float = 0.0
+    camera_tilt_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        numbers = {key: value for key, value in vars(self).items() if key != "image_size"}
+        angles = {"camera_pan_rad", "camera_tilt_rad"}
+        for key in sorted(angles):
+            if not math.isfinite(angle := getattr(self, key)):
+                raise ParameterError(f"robot parameters: {key} must be a finite number, got {angle!r}")
+        numbers = {key: value for key, value in vars(self).items() if key not in {"image_size", *angles}}
         numbers |= {"image width": self.image_size[0], "image height": self.image_size[1]}
         for key, value in numbers.items():
             if not is_positive(value):
@@ -61,6 +70,11 @@ class RobotParameters:
     def limits(self) -> FloatArray:
         """`(4,)` greatest forward speed [m/s], turn, pan and tilt rate [rad/s]."""
         return np.array([self.max_speed_m_s, self.max_turn_rad_s, self.max_pan_rad_s, self.max_tilt_rad_s])
+
+    def gaze_rad(self, proprio: NDArray[Any]) -> tuple[float, float]:
+        """Pan and tilt, in the frame of the chassis, of the axis of the camera that is looked through."""
+        pan, tilt = (float(proprio[PROPRIO_INDEX[name]]) for name in ("pan_rad", "tilt_rad"))
+        return pan + self.camera_pan_rad, tilt + self.camera_tilt_rad
 
     @property
     def frame_s(self) -> float:

@@ -15,7 +15,7 @@ from pftrack_sim.controllers.moving_obstacles import MovingObstacles
 from pftrack_sim.controllers.passing import pass_movers
 from pftrack_sim.controllers.target_search import TargetSearch
 from pftrack_sim.controllers.visual_servo import DISTANCE_S, TURN_S
-from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGE_ANGLES_RAD, RANGES, beam_angles_rad
+from pftrack_sim.core.proprioception import RANGE_ANGLES_RAD, RANGES, beam_angles_rad
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.core.types import BoolArray, FloatArray
 
@@ -66,9 +66,9 @@ class ObstacleAvoidance:
     def reset(self, robot: RobotParameters) -> None:
         """See `Controller.reset`."""
         self._inner.reset(robot)
-        self._limits, self._field_deg, self._range_m = robot.limits, robot.beam_field_deg, robot.range_m
+        self._robot, self._limits = robot, robot.limits
         self._beams: FloatArray = RANGE_ANGLES_RAD
-        self._frame_s, self._moving = robot.frame_s, MovingObstacles()
+        self._moving = MovingObstacles()
         self._detour_rad: float | None = None
         self._scans: deque[_Scan] = deque()
         self._trail: list[FloatArray] = []
@@ -81,8 +81,8 @@ class ObstacleAvoidance:
         command = self._inner.act(estimate, proprio)
         forward, turn = float(command[0] * self._limits[0]), float(command[1] * self._limits[1])
         ranges = np.asarray(proprio[RANGES], dtype=np.float64)
-        self._beams = beam_angles_rad(self._field_deg, len(ranges))
-        pan = math.remainder(float(proprio[PROPRIO_INDEX["pan_rad"]]), 2.0 * math.pi)
+        self._beams = beam_angles_rad(self._robot.beam_field_deg, len(ranges))
+        pan = math.remainder(self._robot.gaze_rad(proprio)[0], 2.0 * math.pi)
         target = self._inner.distance_m
         reach = HORIZON_M if target is None else min(HORIZON_M, max(target - TARGET_CLEAR_M, HULL_M + MARGIN_M))
         goal = pan
@@ -92,7 +92,7 @@ class ObstacleAvoidance:
         self._mark_trail(proprio, pan, target)
         if self._on_trail:
             forward = max(forward, self._inner.wanted_m_s)
-        moving = self._moving.see(proprio, self._beams, self._frame_s) & (np.abs(self._beams) < AHEAD_RAD)
+        moving = self._moving.see(proprio, self._beams, self._robot.frame_s) & (np.abs(self._beams) < AHEAD_RAD)
         if target is not None:
             moving &= self._apart(ranges, target, pan) > TARGET_CLEAR_M
         if forward > 0.02:
@@ -125,7 +125,7 @@ class ObstacleAvoidance:
             return None, 0.0
         places, velocities = self._moving.relative(proprio)
         if (target_m := self._inner.distance_m) is not None:
-            pan = float(proprio[PROPRIO_INDEX["pan_rad"]])
+            pan, _ = self._robot.gaze_rad(proprio)
             aim = target_m * np.array([math.cos(pan), math.sin(pan)])
             others = np.hypot(*(places - aim).T) > TARGET_CLEAR_M
             places, velocities = places[others], velocities[others]
@@ -184,7 +184,7 @@ class ObstacleAvoidance:
         position = np.array([x, y])
         self._driven_m += 0.0 if self._last_m is None else float(np.hypot(*(position - self._last_m)))
         self._last_m = position
-        hits = ranges < self._range_m
+        hits = ranges < self._robot.range_m
         target_m = self._inner.distance_m
         if target_m is not None:
             hits &= self._apart(ranges, target_m, pan_rad) > TARGET_CLEAR_M

@@ -86,7 +86,7 @@ class TargetSearch:
         self.wanted_m_s = self._inner.wanted_m_s
         position = np.array(proprio[:2], dtype=np.float64)
         heading = float(proprio[PROPRIO_INDEX["odometry_heading_rad"]])
-        pan = float(proprio[PROPRIO_INDEX["pan_rad"]])
+        pan, tilt = self._robot.gaze_rad(proprio)
         if not is_lost(estimate, self._inner.least_confidence):
             direction = heading + pan + box_direction(estimate, self._robot)[0]
             self._remember(direction, heading + pan)
@@ -114,7 +114,6 @@ class TargetSearch:
             self._searching_s += self._robot.frame_s
         error = math.remainder(self._direction_rad + self._side * swing - heading - pan, 2.0 * math.pi)
         yaw_rate = float(proprio[PROPRIO_INDEX["gyro_z_rad_s"]])
-        tilt = float(proprio[PROPRIO_INDEX["tilt_rad"]])
         rates = np.array([forward, turn, error / GAZE_S - yaw_rate, -tilt / (4.0 * GAZE_S)])
         return np.clip(rates / self._robot.limits, -1.0, 1.0)
 

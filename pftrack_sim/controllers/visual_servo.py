@@ -93,8 +93,7 @@ class VisualServo:
 
     def act(self, estimate: Estimate, proprio: NDArray[Any]) -> FloatArray:
         """See `Controller.act`."""
-        pan = float(proprio[PROPRIO_INDEX["pan_rad"]])
-        tilt = float(proprio[PROPRIO_INDEX["tilt_rad"]])
+        pan, tilt = self._robot.gaze_rad(proprio)
         speed = 0.5 * float(proprio[PROPRIO_INDEX["wheel_left_m_s"]] + proprio[PROPRIO_INDEX["wheel_right_m_s"]])
         if is_lost(estimate, self.least_confidence):
             self.distance_m, self.wanted_m_s = None, 0.0
