@@ -40,24 +40,23 @@ class EpisodeCamera:
         self._world, self._name = world, name
         self._seed = seed_of_camera(seed, name)
         self.renderer: Renderer | None = None
-        self.sensor = Sensor(settings.sensor, settings.axes, self._seed, grey=settings.camera.grey)
-        self._look_through(settings, shake)
-
-    def retune(self, settings: ResolvedScenario, shake: CameraShake) -> None:
-        """Go on under other stress axes; it needs a renderer of the new `render_size`."""
-        self.truth.finish()
-        self.sensor.retune(settings.axes, self._seed)
-        self._look_through(settings, shake)
-
-    def _look_through(self, settings: ResolvedScenario, shake: CameraShake) -> None:
-        world, camera = self._world, settings.camera
+        camera = settings.camera
+        self.sensor = Sensor(settings.sensor, settings.axes, self._seed, grey=camera.grey)
         self.K = camera.K
-        self._shake = shake if self._name == CAMERA else shake.seen_from(settings.T_camera(self._name))
-        self._capture = make_frame_capture(settings, world.model, self._shake)
         self.size = camera.width_px, camera.height_px
         self._black = np.broadcast_to(np.uint8(0), (camera.height_px, camera.width_px, 3))
         parts = TRUNK if settings.target.init == "torso" else ()
         self.truth = TruthObserver(world.model, world.people, self.K, self.size, parts, settings.target_names[1:])
+        self._look_through(settings, shake)
+
+    def retune(self, settings: ResolvedScenario, shake: CameraShake) -> None:
+        """Go on under other stress axes; it needs a renderer of the new `render_size`."""
+        self.sensor.retune(settings.axes, self._seed)
+        self._look_through(settings, shake)
+
+    def _look_through(self, settings: ResolvedScenario, shake: CameraShake) -> None:
+        self._shake = shake if self._name == CAMERA else shake.seen_from(settings.T_camera(self._name))
+        self._capture = make_frame_capture(settings, self._world.model, self._shake)
 
     @property
     def instantaneous(self) -> bool:

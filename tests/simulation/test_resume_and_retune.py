@@ -67,6 +67,21 @@ def test_a_retuned_axis_acts_from_the_next_frame_and_the_base_returns_to_the_bit
             assert equal(plain.advance(), tuned.advance()), axis
 
 
+def test_the_last_frame_stays_as_it_was_until_the_next():
+    base = scenarios.load("easy/corridor", SMALL)
+    with Simulation(base, image=False) as simulation:
+        simulation.reset(2)
+        frame = simulation.advance()
+        depth_m, seen = simulation.depth(), set(simulation.silhouettes)
+        simulation.retune(scenarios.load(base, {"axes.distortion.severity": 1.0}), 2)
+        assert "target" in seen
+        assert set(simulation.silhouettes) == seen
+        assert np.array_equal(simulation.depth(), depth_m)
+        assert np.array_equal(simulation.frame.truth.box, frame.truth.box)
+        simulation.advance()
+        assert not np.array_equal(simulation.depth(), depth_m)
+
+
 def test_what_is_compiled_into_the_world_cannot_be_retuned():
     base = scenarios.load("easy/corridor", SMALL)
     with Simulation(base) as simulation:
