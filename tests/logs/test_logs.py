@@ -403,6 +403,9 @@ def test_a_run_logs_its_first_seed(tmp_path: Path, closed: bool):
     assert len(true_boxes) == len(read) == len(found["/tf"])
     assert abs(read.truth - true_boxes).max() < 1e-9
     assert ("/cmd_vel" in found) == closed
+    assert run(plan, store.path, videos="none", logs=["mcap"]).path == store.path
+    with pytest.raises(RunError, match=f"was run without logs/{second.path}.mcap: choose another folder"):
+        run(plan, store.path, videos="all", logs=["mcap"])
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")

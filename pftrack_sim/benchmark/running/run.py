@@ -6,13 +6,13 @@ import contextlib
 import re
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 from pftrack_sim import trackers
-from pftrack_sim.benchmark.asked.plan import Episode, Plan, TrackerSpec
+from pftrack_sim.benchmark.asked.plan import AskedResult, Episode, Plan, TrackerSpec
 from pftrack_sim.benchmark.kept.folder import SCRATCH
 from pftrack_sim.benchmark.keys import slug
 from pftrack_sim.benchmark.reading.store import RunStore
@@ -24,7 +24,7 @@ from pftrack_sim.benchmark.running.progress import ProgressCounter, RunProgress
 from pftrack_sim.benchmark.running.tracker_runner import check_trackers, checked_isolation
 from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import ParameterError, RunError
-from pftrack_sim.logs import check_formats
+from pftrack_sim.logs import FORMATS, check_formats
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.trackers.isolation import Limits, TrackerProcesses
 
@@ -95,7 +95,8 @@ def run(
     Raises:
         UnknownNameError: An unknown tracker.
         ParameterError: An option that is not allowed.
-        RunError: The folder holds something else or cannot be written; an episode could not be run.
+        RunError: The folder holds something else, an episode that was run without its logs, or cannot be written; an
+            episode could not be run.
         Interrupted: Ctrl-C.
         RenderError: No renderer works.
     """
@@ -105,6 +106,11 @@ def run(
     if not 1 <= part[0] <= part[1]:
         raise ParameterError(f"part must be K/N with 1 <= K <= N, got {part[0]}/{part[1]}")
     check_formats(logs)
+
+    def logged(episode: Episode) -> bool:
+        return bool(logs) and (episode.is_first_seed or videos == "all")
+
+    _check_logs(path, (one for one in plan.asked.values() if logged(one.episode)), logs)
     isolated, limits = checked_isolation(isolation), limits or Limits()
     # Wrong names and presets are reported before anything is written.
     processes = TrackerProcesses()
@@ -137,7 +143,7 @@ def run(
                     backend,
                     isolated,
                     limits,
-                    logs=tuple(logs) if whole and (episode.is_first_seed or videos == "all") else (),
+                    logs=tuple(logs) if whole and logged(episode) else (),
                     scratch=path.resolve() / SCRATCH,
                     labels=plan.labels,
                     cache=cache,
@@ -193,6 +199,15 @@ def run(
                 film(store, chosen, backend=backend)
                 store.write_summary()
     return RunStore(path)
+
+
+def _check_logs(path: Path, asked: Iterable[AskedResult], logs: Sequence[str]) -> None:
+    """Raise `RunError` for episodes that have been run without their logs, which are written while one runs."""
+    for one in asked:
+        names = [f"logs/{one.episode.path}{FORMATS[name].suffix}" for name in logs]
+        lacking = [name for name in names if not (path / name).exists()]
+        if lacking and (path / one.table).exists():
+            raise RunError(f"{path} was run without {lacking[0]}: choose another folder with --out")
 
 
 def _check_without_images(plan: Plan, videos: str, logs: Sequence[str]) -> None:
