@@ -71,7 +71,7 @@ def update_document(document: Path, runs: Path, only: str | None = None) -> tupl
     try:
         text = document.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise RunError(f"{document} cannot be read: {error}") from None
+        raise RunError(f"{document} cannot be read: {getattr(error, 'strerror', error)}") from None
     written: list[str] = []
     kept: list[str] = []
 

@@ -47,7 +47,7 @@ def changes_or_tiers(path: Path) -> Iterator[list[str]]:
     try:
         profiles = cast("dict[str, dict[str, float | None]]", json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError) as error:
-        raise RunError(f"{path} cannot be read: {error}") from None
+        raise RunError(f"{path} cannot be read: {getattr(error, 'strerror', error)}") from None
     if any(" " in name for name in profiles):
         yield ["Condition", "profile: from the base scenario's to"]
         yield from _condition_rows(profiles)

@@ -57,6 +57,7 @@ WRONG = [
     (["check", "absent-folder"], "absent-folder is not a run folder"),
     (["check", str(Path(__file__))], "test_wrong_input.py is not a run folder: it has no run.json"),
     (["measure", "absent.mp4"], "absent.mp4: cannot be read: No such file or directory"),
+    (["tables", "absent.md"], "absent.md cannot be read: No such file or directory"),
     (["query", "absent-folder", "SELECT 1"], "absent-folder is not a run folder"),
     (["merge", "out", "absent-folder"], "absent-folder is not a run folder"),
     (["bench", "plaza-walk", "--set", "camera.widthpx=3"], "did you mean 'width_px'"),

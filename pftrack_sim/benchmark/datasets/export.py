@@ -165,7 +165,7 @@ def _begin(out: Path, plan: Plan, layout: str, image: str, maps: Sequence[str]) 
         try:
             there: Any = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
-            raise RunError(f"{path} cannot be read: {error}") from None
+            raise RunError(f"{path} cannot be read: {getattr(error, 'strerror', error)}") from None
         different = [key for key in record if not isinstance(there, dict) or there.get(key) != record[key]]  # pyright: ignore[reportUnknownMemberType]
         if different:
             raise RunError(f"{out} holds another data set (it differs in {', '.join(different)}): choose another --out")
