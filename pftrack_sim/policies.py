@@ -21,6 +21,7 @@ from pftrack_sim.core.errors import ParameterError, TrackerError, UnknownNameErr
 from pftrack_sim.core.records import Estimate, Image, Tracker
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import ResolvedScenario
+from pftrack_sim.scenario.camera import CAMERA
 from pftrack_sim.trackers import NeedsDetections, NeedsTruth
 from pftrack_sim.trackers.base import as_estimate
 
@@ -69,7 +70,7 @@ def _mounting(settings: ResolvedScenario) -> tuple[float, float, float]:
     A head that tilts turns the axis of a camera that looks aside; that is not told.
     """
     first = settings.camera
-    if settings.viewed not in {one.name for one in settings.cameras}:
+    if settings.viewed == CAMERA:
         return first.height_m, 0.0, 0.0
     tilt = math.radians(first.tilt_deg)
     pose = settings.T_camera(settings.viewed)

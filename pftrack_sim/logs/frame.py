@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import cv2
+import numpy as np
 
 from pftrack_sim.core import boxes
 from pftrack_sim.core.image_files import encode
@@ -29,11 +30,11 @@ class Kinematics(Protocol):
         ...
 
     def camera_mount(self, pan_rad: float, tilt_rad: float) -> FloatArray:
-        """`(4, 4)` T_base_camera by the angles of the head."""
+        """`(4, 4)` T_base_camera of the first camera by the angles of the head."""
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LogInfo:
     """An episode.
 
@@ -42,6 +43,7 @@ class LogInfo:
         speed_limits: `(4,)` what a command of 1 means: forward speed [m/s], turn, pan and tilt rate [rad/s].
         odometry_error: Standard deviation of wheel radii and track in the odometry, as a share of each.
         imu_errors: Standard deviations of turn rates [rad/s] and accelerations [m/s^2].
+        T_camera: `(4, 4)` pose of the camera that is logged, in the axes of the first one on the head.
     """
 
     name: str
@@ -50,6 +52,7 @@ class LogInfo:
     speed_limits: tuple[float, float, float, float]
     odometry_error: float
     imu_errors: tuple[float, float] = (0.0, 0.0)
+    T_camera: FloatArray = field(default_factory=lambda: np.eye(4))
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,7 +90,8 @@ class Messages:
         joints = {"name": ["pan", "tilt"], "position": head, "velocity": [], "effort": []}
         yield "/joint_states", "sensor_msgs/JointState", {"header": header(""), **joints}
         odometry, base = _planar(*log.proprio[:3].tolist()), _planar(*log.robot_pose)
-        mount = log.robot.camera_mount(*head) @ np.linalg.inv(_pose_of(_OPTICAL, (0.0, 0.0, 0.0)))
+        camera = log.robot.camera_mount(*head) @ self._info.T_camera
+        mount = camera @ np.linalg.inv(_pose_of(_OPTICAL, (0.0, 0.0, 0.0)))
         transforms = [
             _transform(header("map"), "odom", base @ np.linalg.inv(odometry)),
             _transform(header("odom"), "base_footprint", odometry),

@@ -268,8 +268,8 @@ class ResolvedScenario(Section):
         return self.seen_by(self.viewed)
 
     def T_camera(self, name: str) -> NDArray[np.float64]:
-        """`(4, 4)` pose of a further camera in the axes of the first one."""
-        return next(one.T_camera for one in self.cameras if one.name == name)
+        """`(4, 4)` pose of a camera in the axes of the first one."""
+        return {CAMERA: np.eye(4), **{one.name: one.T_camera for one in self.cameras}}[name]
 
     @property
     def target_names(self) -> tuple[str, ...]:

@@ -22,7 +22,8 @@ from pftrack_sim.logs.ros2 import OdometryCovariance
 from tests.benchmark.small import SMALL
 
 RATE_HZ, COUNT = 10.0, 6
-INFO = LogInfo("walk seed 3", RATE_HZ, ("stay", "ko2012[alpha=0.3]"), (1.5, 2.0, 3.0, 1.0), 0.01, (0.1, 0.0))
+SIDE = np.array([[0.8, 0.0, -0.6, -0.1], [0.0, 1.0, 0.0, 0.0], [0.6, 0.0, 0.8, 0.0], [0.0, 0.0, 0.0, 1.0]])
+INFO = LogInfo("walk seed 3", RATE_HZ, ("stay", "ko2012[alpha=0.3]"), (1.5, 2.0, 3.0, 1.0), 0.01, (0.1, 0.0), SIDE)
 K = np.array([[50.0, 0.0, 24.0], [0.0, 50.0, 16.0], [0.0, 0.0, 1.0]])
 T_CAMERA = np.array([[0.0, 0.0, 1.0, 2.0], [-1.0, 0.0, 0.0, 3.0], [0.0, -1.0, 0.0, 1.2], [0.0, 0.0, 0.0, 1.0]])
 
@@ -188,7 +189,7 @@ def test_frames_are_those_of_rep_105_and_the_truth_has_a_tree_of_its_own(bag: Pa
         np.testing.assert_allclose(odometry[:2, 3], log.proprio[:2], atol=1e-12)
         camera = pose_in(tree, "camera_optical_frame", "base_link")
         head = [log.proprio[PROPRIO_INDEX[name]] for name in ("pan_rad", "tilt_rad")]
-        np.testing.assert_allclose(camera, Robot().camera_mount(*head), atol=1e-9)
+        np.testing.assert_allclose(camera, Robot().camera_mount(*head) @ SIDE, atol=1e-9)
         link = pose_in(tree, "camera_link", "base_link")
         np.testing.assert_allclose(link[:3, 0], camera[:3, 2], atol=1e-9, err_msg="x of a link is ahead (REP 103)")
         truth_of_camera = pose_in(tree, "truth/camera_optical_frame", "world")
@@ -392,7 +393,10 @@ def test_a_run_logs_its_first_seed(tmp_path: Path, closed: bool):
     pytest.importorskip("mcap_ros2")
     pytest.importorskip("rerun")
     scenario, controllers = ("follow/corridor", ["servo"]) if closed else ("corridor", [])
-    plan = make_plan([scenario], ["oracle"], [0, 1], overrides=SMALL, controllers=controllers)
+    # The open loop is seen by a camera that looks aside.
+    aside = {"cameras": [{"name": "side", "pan_deg": 20.0, "left_m": 0.2}], "viewed": "side"}
+    overrides = SMALL if closed else {**SMALL, **aside}
+    plan = make_plan([scenario], ["oracle"], [0, 1], overrides=overrides, controllers=controllers)
     store = run(plan, tmp_path / "run", videos="none", logs=["mcap", "rerun"])
     first, second = list(plan.episodes())
     assert (store.path / f"logs/{first.path}.rrd").stat().st_size > 10_000
@@ -403,6 +407,9 @@ def test_a_run_logs_its_first_seed(tmp_path: Path, closed: bool):
     assert len(true_boxes) == len(read) == len(found["/tf"])
     assert abs(read.truth - true_boxes).max() < 1e-9
     assert ("/cmd_vel" in found) == closed
+    tree = {one.child_frame_id: one for topic in ("/tf", "/tf_static") for one in found[topic][0][2].transforms}
+    odometry = pose_in(tree, "camera_optical_frame", "map")
+    assert abs(odometry - pose_in(tree, "truth/camera_optical_frame", "world")).max() < 0.03
     assert run(plan, store.path, videos="none", logs=["mcap"]).path == store.path
     with pytest.raises(RunError, match=f"was run without logs/{second.path}.mcap: choose another folder"):
         run(plan, store.path, videos="all", logs=["mcap"])

@@ -224,7 +224,7 @@ def episode_log(path: Path, name: str, settings: ResolvedScenario, runners: Sequ
     own = robot.sensors
     gyro = math.radians(math.hypot(own.gyro_noise_deg_s, own.gyro_bias_deg_s))
     imu = (gyro, math.hypot(own.accelerometer_noise_m_s2, own.accelerometer_bias_m_s2))
-    info = LogInfo(name, settings.camera.rate_hz, labels, limits, error, imu)
+    info = LogInfo(name, settings.camera.rate_hz, labels, limits, error, imu, settings.T_camera(settings.viewed))
     form = log_format(path)
     with atomic_write(path) as part, log_writer(form, part, info) as add:
 
