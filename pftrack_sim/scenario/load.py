@@ -298,7 +298,8 @@ def _problems(tree: Tree, *, whole: bool) -> list[str]:
         candidate = ranges.replaced(tree, trial)
         try:
             settings = ResolvedScenario.model_validate(candidate)
-            found += [line for line in settings.late_actions() if whole and line not in found]
+            said = {line.partition(" (")[0] for line in found}
+            found += [line for line in settings.late_actions() if whole and line.partition(" (")[0] not in said]
         except ValidationError as error:
             found += [line for line in problems(error, candidate) if line not in found]
     return found

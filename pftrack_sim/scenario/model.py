@@ -292,7 +292,8 @@ class ResolvedScenario(Section):
     def late_actions(self) -> list[str]:
         """Messages about the target's actions that do not end within the episode."""
         return [
-            f"target.{title(index, action)}: ends after the episode, which lasts {self.duration_s:g} s"
+            f"target.{title(index, action)}: ends after the episode, which lasts {self.duration_s:g} s; "
+            "only an override of duration_s may cut it"
             for index, action in enumerate(self.target.actions)
             if end_s(action) > self.duration_s
         ]

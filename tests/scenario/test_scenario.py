@@ -198,8 +198,9 @@ def test_walk_and_replaced_are_inverse():
 def test_a_scenario_that_an_override_shortened_can_be_loaded_again():
     short = scenario.load("plaza-walk", {"duration_s": 1.0})
     assert scenario.load(short, {"camera.width_px": 64}).resolve(0).duration_s == 1.0
-    with pytest.raises(ScenarioError, match="ends after the episode, which lasts 1 s"):
+    with pytest.raises(ScenarioError, match="ends after the episode, which lasts 1 s; only an override") as raised:
         scenario.load(dict(short.tree))
+    assert str(raised.value).count("(face") == 1, "not once for every end of a range"
 
 
 @pytest.mark.parametrize("kind", get_args(Manoeuvre))
