@@ -35,10 +35,10 @@ def parse_names(text: str) -> list[str]:
 def parse_settings(
     pairs: Sequence[str], *, option: str = "--set", example: str = "camera.width_px=320"
 ) -> dict[str, Any]:
-    """`KEY=VALUE` pairs; a value is read as TOML (numbers, true, lists, tables), or else as plain text.
+    """`KEY=VALUE` pairs; a value is read as TOML (numbers, true, lists, tables) or `True`, or else as plain text.
 
-    >>> parse_settings(["camera.width_px=320", "lights.shadows=false", "robot.gaze=forward"])
-    {'camera.width_px': 320, 'lights.shadows': False, 'robot.gaze': 'forward'}
+    >>> parse_settings(["camera.width_px=320", "lights.shadows=false", "blur=True", "robot.gaze=forward"])
+    {'camera.width_px': 320, 'lights.shadows': False, 'blur': True, 'robot.gaze': 'forward'}
     """
     settings: dict[str, Any] = {}
     for pair in pairs:
@@ -97,6 +97,9 @@ def parse_search(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, lis
 
 
 def _value(text: str) -> Any:
+    """A value in TOML, or a boolean as Python writes it; other text is a string."""
+    if text in ("True", "False"):
+        return text == "True"
     try:
         return parse_toml(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
