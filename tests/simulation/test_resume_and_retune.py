@@ -69,9 +69,9 @@ def test_a_retuned_axis_acts_from_the_next_frame_and_the_base_returns_to_the_bit
 
 def test_the_last_frame_stays_as_it_was_until_the_next():
     base = scenarios.load("easy/corridor", SMALL)
-    with Simulation(base, image=False) as simulation:
-        simulation.reset(2)
-        frame = simulation.advance()
+    with Simulation(base, image=False) as plain, Simulation(base, image=False) as simulation:
+        plain.reset(2), simulation.reset(2)
+        alone, frame = plain.advance(), simulation.advance()
         depth_m, seen = simulation.depth(), set(simulation.silhouettes)
         simulation.retune(scenarios.load(base, {"axes.distortion.severity": 1.0}), 2)
         assert "target" in seen
@@ -80,6 +80,8 @@ def test_the_last_frame_stays_as_it_was_until_the_next():
         assert np.array_equal(simulation.frame.truth.box, frame.truth.box)
         simulation.advance()
         assert not np.array_equal(simulation.depth(), depth_m)
+        # Everybody is found when asked for, here after the change.
+        assert [one.box.tolist() for one in frame.people] == [one.box.tolist() for one in alone.people]
 
 
 def test_what_is_compiled_into_the_world_cannot_be_retuned():
