@@ -1,4 +1,5 @@
 """Fixtures shared by all tests."""
+# ruff: noqa: E402 - OpenBLAS reads its variable while NumPy loads
 
 from __future__ import annotations
 
@@ -10,6 +11,11 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+
+# This process computes the bits of a worker process.
+_CPU = Path("/proc/cpuinfo")
+if _CPU.exists() and " avx2 " in _CPU.read_text(encoding="utf-8"):
+    os.environ.setdefault("OPENBLAS_CORETYPE", "Haswell")
 
 import pytest
 from hypothesis import settings

@@ -189,6 +189,18 @@ def test_no_score_may_be_another_on_the_same_frames(made: dict[str, Submission])
 
 
 @pytest.mark.slow
+def test_the_last_digits_of_another_processor_are_close(made: dict[str, Submission]):
+    """Without AVX-512 NumPy rounds the truth's boxes otherwise, by 1e-16 of the overlap of the first box."""
+
+    def round_otherwise(row: dict[str, Any]) -> None:
+        row.update(stay=row["stay"] + 1e-15, mean_overlap=row["mean_overlap"] - 1e-15)
+
+    found = verify(changed(made["ncc"], round_otherwise), 1, share=5)
+    assert {one.outcome for one in found.replayed} == {"close"}
+    assert found.good
+
+
+@pytest.mark.slow
 def test_a_submission_is_verified_and_a_tampered_one_refused(made: dict[str, Submission], tmp_path: Path):
     path = tmp_path / "one.parquet"
     write_submission(path, made["ncc"])
@@ -216,6 +228,8 @@ def test_episodes_are_chosen_by_the_seed_and_other_frames_prove_nothing(made: di
     assert {one.outcome for one in found.replayed} == {"of other frames"}
     assert not found.good
     assert any("drawn by another; here" in line for line in found.lines())
+    elsewhere = verify(changed(made["ncc"], lambda row: row.update(frames_digest="0" * 32)), 1)
+    assert all("as here)" in line for line in elsewhere.lines() if ": of other frames" in line)
     names = {tuple(one.name for one in verify(made["stay"], seed).replayed) for seed in range(6)}
     assert len(names) > 1
 

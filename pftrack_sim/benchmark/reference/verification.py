@@ -23,8 +23,11 @@ SHARE = 20
 CLOSE = 0.01
 """Difference of mean overlaps on the same frames that another processor may make."""
 
-_SAME = ("moment", "frames", "stay", "outcome", "follow_success", "follow_collision")
+_SAME = ("moment", "frames", "outcome", "follow_success", "follow_collision")
 """What no processor makes another on the same frames: the truth, and in closed loop the drive that drew them."""
+
+_TRUTH, _LAST_DIGITS = "stay", 1e-9
+"""A number of the truth alone, which another processor rounds otherwise, and by how much at most."""
 
 _CLOSE = ("mean_overlap", "success")
 
@@ -69,7 +72,9 @@ class Verification:
             yield f"other code or versions: {line}"
         for one in self.replayed:
             if one.outcome in ("different", "of other frames"):
-                drawn = f" (drawn by {one.graphics[0]}; here {one.graphics[1]})" if one.outcome != "different" else ""
+                by, here = one.graphics
+                drawn = f" (drawn by {by}{', as here' if by == here else f'; here {here}'})"
+                drawn = drawn if one.outcome != "different" else ""
                 yield f"{one.name}: {one.outcome}{drawn}: overlap {one.submitted:.3f} submitted, {one.here:.3f} here"
         counts = Counter(one.outcome for one in self.replayed)
         parts = ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
@@ -121,16 +126,18 @@ def verify(
 
 
 def _compared(submitted: Row, here: Row) -> Replayed:
+    def apart(name: str) -> float:
+        return abs((submitted.get(name) or 0.0) - (here.get(name) or 0.0))
+
     theirs, ours = (row["mean_overlap"] or 0.0 for row in (submitted, here))
     if submitted["frames_digest"] != here["frames_digest"]:
         outcome: Outcome = "of other frames"
-    elif any(submitted.get(name) != here.get(name) for name in _SAME):
+    elif any(submitted.get(name) != here.get(name) for name in _SAME) or apart(_TRUTH) > _LAST_DIGITS:
         outcome = "different"
-    elif all(submitted.get(name) == here.get(name) for name in ("overlap", *_CLOSE)):
+    elif all(submitted.get(name) == here.get(name) for name in ("overlap", _TRUTH, *_CLOSE)):
         outcome = "the same to the bit"
     else:
-        apart = max(abs((submitted.get(name) or 0.0) - (here.get(name) or 0.0)) for name in _CLOSE)
-        outcome = "close" if apart <= CLOSE else "different"
+        outcome = "close" if max(map(apart, _CLOSE)) <= CLOSE else "different"
     name = " ".join(map(str, cell_of(here)[1:]))
     graphics = str(submitted.get("graphics")), str(here.get("graphics"))
     return Replayed(name, outcome, theirs, ours, graphics)

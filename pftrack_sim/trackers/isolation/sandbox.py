@@ -28,7 +28,7 @@ _SETTINGS = ("alternatives", "fonts", "group", "ld.so.cache", "ld.so.conf", "ld.
 """In `/etc`."""
 
 _VARIABLES = ("LANG", "LC_ALL", "LC_CTYPE", "LP_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
-              "OPENBLAS_NUM_THREADS", "PATH", "PYTHONHASHSEED", "TZ")  # fmt: skip
+              "OPENBLAS_CORETYPE", "OPENBLAS_NUM_THREADS", "PATH", "PYTHONHASHSEED", "TZ")  # fmt: skip
 _MAX_TMP_MB = 1024.0
 
 
