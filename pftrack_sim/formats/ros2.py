@@ -1,8 +1,8 @@
 """Sequences in ROS 2 bags: MCAP files, SQLite files (`.db3`), or folders of them; library: `rosbags`.
 
-Images are messages `sensor_msgs/CompressedImage` or `Image` (rgb8, bgr8, mono8), boxes `vision_msgs/Detection2DArray`.
-A box belongs to the image with its time stamp; it is the one with the id `target`, or the only one. In ROS the
-centre of the first pixel is 0, where it is 0.5 in the rest of this package.
+Images are messages `sensor_msgs/CompressedImage` or `Image` (rgb8, bgr8, rgba8, bgra8, mono8), boxes
+`vision_msgs/Detection2DArray`. A box belongs to the image with its time stamp; it is the one with the id `target`, or
+the only one. In ROS the centre of the first pixel is 0, where it is 0.5 in the rest of this package.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _IMAGES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
 _BOXES = ("vision_msgs/msg/Detection2DArray",)
 _IMU = ("sensor_msgs/msg/Imu",)
 _TRUTH, _TARGET = "/truth", "target"
-_CHANNELS = {"rgb8": 3, "bgr8": 3, "mono8": 1}
+_CHANNELS = {"rgb8": "rgb", "bgr8": "bgr", "rgba8": "rgba", "bgra8": "bgra", "mono8": "m"}
 
 
 def find(path: Path) -> Path | None:
@@ -162,12 +162,12 @@ def _decoded(path: Path, message: Any) -> Image:
         check_pixels(message.width, message.height)
     except ValueError as error:
         raise SequenceError(f"{path}: {error}") from None
-    data = np.frombuffer(bytes(message.data), dtype=np.uint8)
-    if message.encoding not in _CHANNELS or data.size != message.height * message.step:
+    if message.encoding not in _CHANNELS:
         raise SequenceError(f"{path}: images must be {', '.join(_CHANNELS)}, got {message.encoding!r}")
-    channels = _CHANNELS[message.encoding]
-    rows = data.reshape(message.height, message.step)[:, : message.width * channels]
-    pixels = rows.reshape(message.height, message.width, channels)
-    return np.ascontiguousarray(
-        pixels[:, :, ::-1] if message.encoding == "bgr8" else np.repeat(pixels, 3 // channels, 2)
-    )
+    names, data = _CHANNELS[message.encoding], np.frombuffer(bytes(message.data), dtype=np.uint8)
+    if data.size != message.height * message.step or message.step < message.width * len(names):
+        size = f"{message.width} x {message.height} pixels of {message.encoding}"
+        raise SequenceError(f"{path}: an image of {size} has {data.size} bytes, {message.step} a row")
+    rows = data.reshape(message.height, message.step)[:, : message.width * len(names)]
+    pixels = rows.reshape(message.height, message.width, len(names))
+    return np.ascontiguousarray(pixels[:, :, [max(names.find(name), 0) for name in "rgb"]])

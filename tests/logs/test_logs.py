@@ -236,7 +236,9 @@ def test_a_log_is_read_as_a_sequence(bag: Path, frames: list[LogFrame], tmp_path
         read_sequence(tmp_path)
 
 
-def write_bag(path: Path, numbers: range, version: Any, plugin: str, mode: str = "NONE") -> np.ndarray:
+def write_bag(
+    path: Path, numbers: range, version: Any, plugin: str, mode: str = "NONE", encoding: str = "rgb8", padding: int = 0
+) -> np.ndarray:
     """Raw images and boxes, one each for a number, as `rosbags` writes them; all images up to the last number."""
     rosbag2: Any = pytest.importorskip("rosbags.rosbag2")
     store = type_store()
@@ -248,7 +250,8 @@ def write_bag(path: Path, numbers: range, version: Any, plugin: str, mode: str =
         topics = {name: written.add_connection(name, kind, typestore=store) for name, kind in names.items()}
         for number in numbers:
             header = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](0, number * 10**8), "camera")
-            image = kinds[names["/image"]](header, 12, 16, "rgb8", 0, 48, pixels[number].ravel())
+            rows = np.pad(encoded(pixels[number], encoding).reshape(12, -1), ((0, 0), (0, max(padding, 0))))
+            image = kinds[names["/image"]](header, 12, 16, encoding, 0, rows.shape[1] + min(padding, 0), rows.ravel())
             centre = kinds["vision_msgs/msg/Pose2D"](kinds["vision_msgs/msg/Point2D"](4.5 + number, 5.5), 0.0)
             box = kinds["vision_msgs/msg/BoundingBox2D"](centre, 4.0, 6.0)
             found = kinds["vision_msgs/msg/Detection2D"](header, [], box, "target")
@@ -257,6 +260,34 @@ def write_bag(path: Path, numbers: range, version: Any, plugin: str, mode: str =
                 content = store.serialize_cdr(message, names[name])
                 written.write(topics[name], 10**9 + number * 10**8, content)
     return pixels
+
+
+def encoded(pixels: np.ndarray, encoding: str) -> np.ndarray:
+    """Pixels in the order of channels of an encoding, with an opacity where it has one."""
+    if encoding == "mono8":
+        return pixels[:, :, 0]
+    ordered = pixels if encoding.startswith("rgb") else pixels[:, :, ::-1]
+    return np.pad(ordered, ((0, 0), (0, 0), (0, 1)), constant_values=255) if "a" in encoding else ordered
+
+
+@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "rgba8", "bgra8", "mono8"])
+def test_raw_images_are_read_in_each_encoding_with_rows_of_any_length(tmp_path: Path, encoding: str):
+    pixels = write_bag(tmp_path / "bag", range(2), 9, "MCAP", encoding=encoding, padding=8)
+    shown = np.repeat(pixels[:, :, :, :1], 3, 3) if encoding == "mono8" else pixels
+    check_bag(tmp_path / "bag", shown)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "padding", "words"),
+    [
+        ("rgb16", 0, "images must be rgb8, bgr8, rgba8, bgra8, mono8, got 'rgb16'"),
+        ("rgb8", -1, "an image of 16 x 12 pixels of rgb8 has 576 bytes, 47 a row"),
+    ],
+)
+def test_a_raw_image_that_cannot_be_read_says_why(tmp_path: Path, encoding: str, padding: int, words: str):
+    write_bag(tmp_path / "bag", range(1), 9, "MCAP", encoding=encoding, padding=padding)
+    with pytest.raises(SequenceError, match=words):
+        read_sequence(tmp_path / "bag").image(0)
 
 
 def check_bag(path: Path, pixels: np.ndarray) -> None:
