@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,7 +27,6 @@ from pftrack_sim.core.text import one_line
 
 _EXPLAIN = re.compile(r"\s*EXPLAIN(\s+ANALYZE)?\b", re.IGNORECASE)
 _FRAMES = """
-CREATE VIEW frames AS
 SELECT results.*, drawn.* EXCLUDE (kind, scenario, condition, seed, label, frames_key, frame, time_s, people)
 FROM {results} AS results JOIN {drawn} AS drawn USING (frames_key, frame)
 """
@@ -41,6 +40,15 @@ SELECT DISTINCT ON (number) number, kind, scenario, condition, levels, seed, epi
     frames_digest, graphics, version
 FROM summary ORDER BY number
 """
+
+
+@cache
+def _reader(process: int) -> duckdb.DuckDBPyConnection:
+    """The database of a process that reads single files: one takes longer to begin than to read an episode.
+
+    After a fork it would have none of its threads.
+    """
+    return duckdb.connect(config={"enable_external_file_cache": "false"})
 
 
 @dataclass(frozen=True)
@@ -90,7 +98,7 @@ class RunStore(RunFolder):
                     database.execute(f"CREATE VIEW summary AS FROM {parquet([self.path / SUMMARY])}")
                 else:
                     load_summary(database, self, present.values())
-                for view in (_FRAMES, _PEOPLE, _EPISODES):
+                for view in (f"CREATE VIEW frames AS {_FRAMES}", _PEOPLE, _EPISODES):
                     database.execute(view.format(results=tables[0], drawn=tables[1]))
                 create_loss_views(database)
                 if self.plan.kind == "follow":
@@ -158,9 +166,9 @@ class RunStore(RunFolder):
         drawn = self.episode_of(result).frames_table
         self.verify([result.file, drawn])
         try:
-            with duckdb.connect() as database, query_deadline(database):
-                database.execute(_FRAMES.format(results=parquet([file]), drawn=parquet([self.path / drawn])))
-                table = database.execute(f"SELECT {', '.join(names)} FROM frames ORDER BY frame")
+            frames = _FRAMES.format(results=parquet([file]), drawn=parquet([self.path / drawn]))
+            with _reader(os.getpid()).cursor() as database, query_deadline(database):
+                table = database.execute(f"SELECT {', '.join(names)} FROM ({frames}) ORDER BY frame")
                 return cast("Any", table).fetchnumpy()
         except duckdb.Error as error:
             raise RunError(f"{file} cannot be read: {one_line(str(error).splitlines()[0])}") from None
