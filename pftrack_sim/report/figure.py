@@ -243,16 +243,17 @@ def _curves(store: RunStore, curves: Sequence[Degradation], label: str, axes: An
     axes.set(ylabel="mean overlap", ylim=(0, 1))
     axes.set_xlabel(label.replace(", ", ",\n"), fontsize=7)
     own = [one for one in curves if one.at.label == label]
-    for tracker in dict.fromkeys(one.tracker for one in own):
+    trackers = dict.fromkeys(one.tracker for one in own)
+    shade = min(0.15, 0.6 / len(trackers))  # many intervals, one over the other, would hide the curves
+    for tracker in trackers:
         levels = sorted({one.at.x for one in own})
         means = [
             mean_degradation([one for one in own if (one.tracker, one.at.x) == (tracker, x)], "overlap") for x in levels
         ]
         style = _style(store, tracker)
         axes.plot(levels, [one.mean for one in means], label=tracker, **style)
-        axes.fill_between(
-            levels, [one.low for one in means], [one.high for one in means], color=style["color"], alpha=0.15, lw=0
-        )
+        low, high = ([getattr(one, name) for one in means] for name in ("low", "high"))
+        axes.fill_between(levels, low, high, color=style["color"], alpha=shade, lw=0)
         for x, one in zip(levels, means, strict=True):
             _values(axes, x, one, style["color"])
     _write_count(axes, store)

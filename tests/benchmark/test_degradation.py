@@ -60,6 +60,8 @@ def test_recoveries_stand_beside_the_overlap(swept: RunStore):
     rows = [row for row in table_rows(degradation(swept).curves, "recovered") if row.at.axis == "occlusion"]
     assert [row.at.level for row in rows] == [0.5, 2.0]
     assert [row.means["oracle"].mean for row in rows] == [1.0, 1.0]
+    assert {row.means[STAY].seeds for row in rows} == {0}
+    assert {row.seeds for row in rows} == {"1"}, "the box that stays tracks nothing: its seeds do not count"
 
 
 @pytest.mark.slow

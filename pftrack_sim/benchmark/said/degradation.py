@@ -107,8 +107,8 @@ class TableRow:
 
     @property
     def seeds(self) -> str:
-        """Number of seeds, `"4"`, or `"3 to 4"` where trackers differ."""
-        counts = [one.seeds for one in self.means.values()]
+        """Number of seeds, `"4"`, or `"3 to 4"` where trackers differ; without those that have no score."""
+        counts = [one.seeds for one in self.means.values() if one.seeds] or [0]
         return " to ".join(str(count) for count in dict.fromkeys((min(counts), max(counts))))
 
 
