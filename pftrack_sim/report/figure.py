@@ -252,8 +252,9 @@ def _curves(store: RunStore, curves: Sequence[Degradation], label: str, axes: An
         ]
         style = _style(store, tracker)
         axes.plot(levels, [one.mean for one in means], label=tracker, **style)
-        low, high = ([getattr(one, name) for one in means] for name in ("low", "high"))
-        axes.fill_between(levels, low, high, color=style["color"], alpha=shade, lw=0)
+        axes.fill_between(
+            levels, [one.low for one in means], [one.high for one in means], color=style["color"], alpha=shade, lw=0
+        )
         for x, one in zip(levels, means, strict=True):
             _values(axes, x, one, style["color"])
     _write_count(axes, store)

@@ -44,9 +44,9 @@ FROM summary ORDER BY number
 
 @cache
 def _reader(process: int) -> duckdb.DuckDBPyConnection:
-    """The database of a process that reads single files: one takes longer to begin than to read an episode.
+    """The database that reads single files, one for each process: connecting takes longer than reading an episode.
 
-    After a fork it would have none of its threads.
+    A forked process needs its own: DuckDB's threads do not survive the fork.
     """
     return duckdb.connect(config={"enable_external_file_cache": "false"})
 
