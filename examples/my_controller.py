@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pftrack_sim.controllers import RobotParameters
-from pftrack_sim.core.records import Estimate
+from pftrack_sim.trackers import Estimate
 
 
 class Towards:

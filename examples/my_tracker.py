@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from pftrack_sim.core.records import Estimate
+from pftrack_sim.trackers import Estimate
 
 
 class Template:

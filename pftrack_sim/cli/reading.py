@@ -197,6 +197,7 @@ def submit(
     from pftrack_sim.benchmark import RunStore
     from pftrack_sim.benchmark.kept.folder import is_run
     from pftrack_sim.benchmark.reference.submission import make_submission, problems, read_submission, write_submission
+    from pftrack_sim.trackers import is_builtin
 
     if all(is_run(path) for path in paths):
         if verify:
@@ -204,7 +205,8 @@ def submit(
         made = make_submission([RunStore(path) for path in paths], tracker)
         write_submission(out, made)
         tables.print_folder(out)
-        tables.print_lines([f"next: pftrack-sim submit {shlex.quote(str(out))} --verify"])
+        foreign = [] if is_builtin(name := made.about.trackers[0].name) else ["--tracker", name]
+        tables.print_lines([f"next: pftrack-sim {shlex.join(['submit', str(out), '--verify', *foreign])}"])
         return
     if len(paths) != 1:
         other = next(path for path in paths if not is_run(path))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import sys
 from collections.abc import Generator
 from pathlib import Path
@@ -20,6 +21,14 @@ def sum_kb(path: str, names: tuple[str, ...]) -> float:
 def data_segment_kb() -> float:
     """Data of this process, of which accelerator libraries use far less than they reserve of its address space."""
     return sum_kb("/proc/self/status", ("VmData:",))
+
+
+def return_freed_memory() -> None:
+    """Return to the system what this process has freed; glibc's allocator keeps some hundred MB of it otherwise."""
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if trim is not None:
+            trim(0)
 
 
 @contextlib.contextmanager

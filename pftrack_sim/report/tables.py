@@ -20,7 +20,7 @@ from pftrack_sim.benchmark.reading.failures import CAUSES, Failure
 from pftrack_sim.benchmark.reading.summary import by_seed
 from pftrack_sim.benchmark.said.anchors import anchor_scores
 from pftrack_sim.benchmark.said.claims import ClaimComparison, compare_with_paper
-from pftrack_sim.benchmark.said.degradation import TITLES, degradation, table_rows
+from pftrack_sim.benchmark.said.degradation import TITLES, AxisLevel, degradation, table_rows
 
 FOLLOWING: Mapping[str, str] = MappingProxyType(
     {
@@ -235,18 +235,26 @@ def axes(store: RunStore) -> Iterator[Table]:
     """Scores over every axis with at least two levels, on the same frames at each."""
     found = degradation(store).curves
     for measure, title in TITLES.items():
-        rows = table_rows(found, measure)
-        if measure == "recovered":
-            rows = [row for row in rows if row.at.axis.split()[-1] in _COVERING]
-        if rows:
-            cells = [
-                [
-                    *(row.at.label, f"{row.at.level:.3g}", f"{row.at.x:.3g}", row.seeds),
-                    *(number_text(one.mean) for one in row.means.values()),
-                ]
-                for row in rows
-            ]
-            yield Table(title, ["axis"], ["level", "in its unit", "seeds", *rows[0].means], cells, keys=2)
+        for label, rows in grouped(table_rows(found, measure), lambda row: row.at.label).items():
+            if measure == "recovered" and rows[0].at.axis.split()[-1] not in _COVERING:
+                continue
+            cells: list[list[str]] = []
+            for tracker in rows[0].means:
+                means = [row.means[tracker] for row in rows]
+                if any(one.seeds for one in means):
+                    cells.append([tracker, _counts(one.seeds for one in means), *map(range_text, means)])
+            yield Table(f"{label}: {title}", ["tracker"], ["seeds", *(_level_text(row.at) for row in rows)], cells)
+
+
+def _level_text(at: AxisLevel) -> str:
+    """`"1.58 (level 1)"`, or the level alone where it is in the axis' own unit."""
+    return f"{at.x:.3g}" if at.x == at.level else f"{at.x:.3g} (level {at.level:.3g})"
+
+
+def _counts(counts: Iterable[int]) -> str:
+    """`"4"`, or `"3 to 4"` where they differ."""
+    known = sorted({*counts})
+    return " to ".join(map(str, (known[0], known[-1])[: len(known)]))
 
 
 def anchors(store: RunStore) -> Iterator[Table]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pftrack_sim.camera.shake import camera_shake
 from pftrack_sim.core.arguments import checked
 from pftrack_sim.core.errors import ParameterError, ScenarioError
+from pftrack_sim.core.memory import return_freed_memory
 from pftrack_sim.core.records import Frame
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.renderer import Renderer, check_name, open_renderer
@@ -30,6 +31,8 @@ from pftrack_sim.truth.silhouettes import Silhouette
 
 LIVE_AXES = ("jitter", "blur", "rolling_shutter", "distortion", "noise", "stream")
 """Stress axes of the camera and of the link, which can change within an episode."""
+
+_TRIM_EVERY = 3  # Resets: to trim the memory at each would take a tenth of its time
 
 
 class Simulation:
@@ -64,6 +67,7 @@ class Simulation:
         self._cameras: dict[str, EpisodeCamera] = {}
         self._world: World | None = None
         self._frame: Frame | None = None
+        self._resets = 0
         self._collision: str | None = None
         self.frame_count = 0
         """Frames delivered in the running episode; 0 before the first reset."""
@@ -161,6 +165,9 @@ class Simulation:
         self._world, self._frame, self._cameras = None, None, {}
         for renderer in self._renderers.values():
             renderer.unbind()
+        self._resets += 1
+        if self._resets % _TRIM_EVERY == 0:
+            return_freed_memory()
         self._tracked = settings.tracked
         world = World(settings, seed, draws=self._draws)
         self._shake = camera_shake(settings.jitter, settings.axes.jitter, seed, settings.camera.height_m)
@@ -342,6 +349,7 @@ class Simulation:
             renderer.close()
         self._renderers, self._cameras = {}, {}
         self._world = self._frame = None
+        return_freed_memory()
 
     def __getstate__(self) -> tuple[Scenario, str | None, bool, bool]:
         """A pickled copy has no episode: models and graphics contexts belong to one process."""

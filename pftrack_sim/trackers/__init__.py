@@ -16,16 +16,19 @@ filters; one module per paper combines them and holds its parameters.
 
 from __future__ import annotations
 
+from pftrack_sim.core.records import Estimate, TrackedBoxes
 from pftrack_sim.trackers.base import PRESETS, NeedsDetections, NeedsTruth
 from pftrack_sim.trackers.multi_object.followed import FollowedPerson, MultiObjectTracker
 from pftrack_sim.trackers.registry import code_digest, describe, factory, is_builtin, make, names
 
 __all__ = [
     "PRESETS",
+    "Estimate",
     "FollowedPerson",
     "MultiObjectTracker",
     "NeedsDetections",
     "NeedsTruth",
+    "TrackedBoxes",
     "code_digest",
     "describe",
     "factory",

@@ -396,7 +396,8 @@ def test_a_third_party_s_tracker_is_named_before_its_code_runs(suite: str, made:
                            "--workers", "0", "--out", runs[-1], *more, cwd=tmp_path)  # fmt: skip
         assert done.returncode == 0, done.stderr
     assert "no reference results to compare with" in done.stdout
-    assert pftrack_sim("submit", *runs, "--out", "mine.parquet", cwd=tmp_path).returncode == 0
+    done = pftrack_sim("submit", *runs, "--out", "mine.parquet", cwd=tmp_path)
+    assert done.stdout.endswith("next: pftrack-sim submit mine.parquet --verify --tracker my_tracker:make\n")
     verifying = ("submit", "mine.parquet", "--verify", "--workers", "0", "--isolation", "never")
     done = pftrack_sim(*verifying, cwd=tmp_path)
     assert done.returncode == 2

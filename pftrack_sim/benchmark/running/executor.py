@@ -35,8 +35,8 @@ _CONNECT_S = 30
 # software rasteriser draws in the calling thread; with 1 it would start another one.
 _ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "LP_NUM_THREADS": "0"}
 
-# OpenBLAS chooses its kernels by the processor, and each adds in its own order: from another last bit on, a robot that
-# is driven by a tracker goes elsewhere. The kernels of Haswell run wherever AVX2 is.
+# OpenBLAS selects its kernels by processor, and each sums in its own order: one different bit, and a robot that a
+# tracker drives takes another path. The kernels of Haswell run on every processor with AVX2.
 _SAME_BITS = {"OPENBLAS_CORETYPE": "Haswell"}
 _CV_CPU_AVX2 = 11
 

@@ -105,16 +105,10 @@ class TableRow:
     at: AxisLevel
     means: Mapping[str, score.SeedMean]
 
-    @property
-    def seeds(self) -> str:
-        """Number of seeds, `"4"`, or `"3 to 4"` where trackers differ; without those that have no score."""
-        counts = [one.seeds for one in self.means.values() if one.seeds] or [0]
-        return " to ".join(str(count) for count in dict.fromkeys((min(counts), max(counts))))
-
 
 TITLES: Mapping[Measure, str] = {
-    "overlap": "Overlap on the frames in which the target is seen at every level, after the axis' event",
-    "recovered": "Share of occlusions after which the target is tracked again within 2 s",
+    "overlap": "overlap on the frames in which the target is seen at every level, after the axis' event",
+    "recovered": "share of occlusions after which the target is tracked again within 2 s",
 }
 """Titles of `table_rows` by measure."""
 
