@@ -1,6 +1,7 @@
 """Freed memory is returned to the system."""
 
 import ctypes
+import os
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from pftrack_sim.core.memory import return_freed_memory
 
 
 def resident_mb() -> float:
-    return float(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
+    return float(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 @pytest.mark.skipif(
