@@ -136,7 +136,7 @@ class RunStore(RunFolder):
                 with query_deadline(database, limit_s):
                     table = database.execute(sql)
                     return QueryResult(tuple(one[0] for one in table.description or ()), table.fetchall())
-            except (duckdb.Error, UnicodeEncodeError) as error:
+            except (duckdb.Error, UnicodeError) as error:
                 raise RunError(f"the query failed: {error}") from None
 
     @cached_property
@@ -170,7 +170,7 @@ class RunStore(RunFolder):
             with _reader(os.getpid()).cursor() as database, query_deadline(database):
                 table = database.execute(f"SELECT {', '.join(names)} FROM ({frames}) ORDER BY frame")
                 return cast("Any", table).fetchnumpy()
-        except duckdb.Error as error:
+        except (duckdb.Error, UnicodeDecodeError) as error:
             raise RunError(f"{file} cannot be read: {one_line(str(error).splitlines()[0])}") from None
 
     def video_of(self, result: Result) -> Path | None:
