@@ -37,6 +37,14 @@ CALM: dict[str, Any] = {
     "jitter.translational_rms_mm": 0.0,
 }
 """Nobody and nothing but the target, seen by a small steady camera."""
+SMALL_WALK: dict[str, Any] = {
+    "extends": "plaza-walk",
+    "camera": {"width_px": 160, "height_px": 120, "rate_hz": 10.0},
+    "lights": {"shadows": False, "schedule": []},
+    "target": {"actions": []},
+    "occluders": [],
+}
+"""A scenario in which nothing happens to the target, and others walk."""
 
 
 def made_truth(**values: Any) -> Truth:

@@ -3,7 +3,6 @@
 import ctypes
 import math
 import pickle
-import subprocess
 import sys
 import warnings
 from collections.abc import Callable
@@ -19,6 +18,7 @@ import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim import scenario
 from pftrack_sim.core.errors import BoxError, CommandError, ParameterError, ScenarioError
 from pftrack_sim.core.records import Estimate
+from tests.fresh_process import printed
 
 IDS = ["pftrack_sim/Track-v0", "pftrack_sim/Follow-v0", "pftrack_sim/TrackAndFollow-v0"]
 # Worlds of suites' episodes are long in the making.
@@ -126,12 +126,9 @@ def test_an_episode_does_not_depend_on_those_before_it_in_its_process():
         "    env.close()\n"
     )
     episodes = ["plaza-walk:3:0.0", "street-night:3:0.4", "plaza-walk:7:0.4", "warehouse:3:0.0", "follow/plaza:3:0.0"]
-    printed = [
-        subprocess.run([sys.executable, "-c", code, *order], capture_output=True, text=True, check=True).stdout
-        for order in (episodes, episodes[::-1])
-    ]
-    assert sorted(printed[0].splitlines()) == sorted(printed[1].splitlines())
-    assert len({line.split()[1] for line in printed[0].splitlines()}) == len(episodes)
+    forwards, backwards = (sorted(printed(code, *order).splitlines()) for order in (episodes, episodes[::-1]))
+    assert forwards == backwards
+    assert len({line.split()[1] for line in forwards}) == len(episodes)
 
 
 def test_the_first_frame_holds_the_box_and_the_others_do_not(env: gym.Env[Any, Any]):
@@ -364,8 +361,7 @@ def test_resets_do_not_grow_memory():
         "from statistics import median\n"
         "print(median(megabytes[60:]) - median(megabytes[:60]), max(objects[60:]) - max(objects[:60]))"
     )
-    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    grown_mb, grown_objects = map(float, printed.split())
+    grown_mb, grown_objects = map(float, printed(code).split())
     # What is allocated, not what the process holds: the allocator keeps or returns a freed model (15 MB) as it likes.
     # A tenth of a megabyte or a hundred Python objects kept per reset show; one episode with a larger model does not.
     assert grown_mb < 4
@@ -384,7 +380,7 @@ def test_import_only_registers_the_environments():
         "env.close()\n"
         "assert dict(os.environ) == before, set(os.environ) ^ set(before)"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    printed(code)
 
 
 @pytest.mark.parametrize(

@@ -105,17 +105,8 @@ def test_a_step_has_the_given_depth_and_times(card: Card, severity: float):
 
 
 def test_a_ramp_has_the_given_rate(card: Card):
-    axis = LightAxis(
-        auto_exposure=False,
-        parts=("change",),
-        dim_ev=2.0,
-        rate_ev_s=2.0,
-        at_s=0.2,
-        hold_s=0.5,
-        every_s=4.0,
-        severity=1.0,
-    )
-    stops = card.stops(axis, 45)
+    ramp = {"dim_ev": 2.0, "rate_ev_s": 2.0, "at_s": 0.2, "hold_s": 0.5, "every_s": 4.0}
+    stops = card.stops(LightAxis(auto_exposure=False, parts=("change",), severity=1.0, **ramp), 45)
     expected = -np.clip(2.0 * (np.arange(45) / RATE_HZ - 0.2), 0.0, 2.0)
     assert abs(stops - expected).max() < 0.05
 

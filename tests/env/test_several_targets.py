@@ -14,16 +14,10 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ScenarioError, TrackerError, UnknownNameError
 from pftrack_sim.env.base import CameraEnv
 from pftrack_sim.simulation.simulation import Simulation
+from tests.observing import SMALL_WALK
 
 LEA: dict[str, Any] = {"name": "lea", "path_m": [[5.0, 2.2], [9.0, 2.6], [12.0, 6.0]], "speed_m_s": 1.1}
-WALKING: dict[str, Any] = {
-    "extends": "plaza-walk",
-    "duration_s": 6.0,
-    "camera": {"width_px": 160, "height_px": 120, "rate_hz": 10.0},
-    "lights": {"shadows": False, "schedule": []},
-    "target": {"actions": []},
-    "occluders": [],
-}
+WALKING: dict[str, Any] = {**SMALL_WALK, "duration_s": 6.0}
 SEVERAL: dict[str, Any] = {**WALKING, "targets": [LEA, {"name": "distractor-1"}]}
 
 

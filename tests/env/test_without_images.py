@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +18,7 @@ from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.simulation.world import World
 from pftrack_sim.wrappers import BoxObservation
+from tests.fresh_process import printed
 
 ROOT = Path(__file__).parents[2]
 SMALL = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadows": False, "duration_s": 1.0}
@@ -130,7 +129,7 @@ def test_no_opengl_library_is_loaded():
         "assert not [name for name in ('libEGL', 'libOSMesa', 'libGLX', 'warp') if name in loaded]"
     )
     hidden = os.pathsep.join([str(ROOT / "tests" / "without_opengl"), str(ROOT)])
-    subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ, "PYTHONPATH": hidden})
+    printed(code, PYTHONPATH=hidden)
 
 
 def test_others_are_those_of_their_frame_whenever_they_are_asked_for():

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import importlib
 import os
-import subprocess
 import sys
 import threading
 import weakref
@@ -23,6 +22,7 @@ from pftrack_sim.render.gl import context
 from pftrack_sim.render.gl.context import GLContext, open_context
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.render.renderer import open_renderer
+from tests.fresh_process import printed
 
 POSE = looking((0, 0, 1.2), (5, 0, 1))
 
@@ -207,7 +207,7 @@ def test_a_forked_child_of_a_process_that_draws_exits():
         "    sys.exit()\n"
         "sys.exit(os.waitstatus_to_exitcode(os.wait()[1]))\n"
     )
-    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+    printed(program)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="EGL and OSMesa are used on Linux")
@@ -218,8 +218,7 @@ def test_osmesa_draws_where_egl_finds_no_device(osmesa_present: None):
         "assert open_context().info.backend == 'osmesa'\n"
         "assert before == dict(os.environ)\n"
     )
-    environment = {**os.environ, "__EGL_VENDOR_LIBRARY_FILENAMES": os.devnull}
-    subprocess.run([sys.executable, "-c", program], check=True, env=environment)
+    printed(program, __EGL_VENDOR_LIBRARY_FILENAMES=os.devnull)
 
 
 def test_threads_that_open_contexts_at_once_leave_the_environment_unchanged():
@@ -232,7 +231,7 @@ def test_threads_that_open_contexts_at_once_leave_the_environment_unchanged():
         "    opened = list(pool.map(lambda _: open_context(), range(64)))\n"
         "assert before == dict(os.environ)\n"
     )
-    subprocess.run([sys.executable, "-c", program], check=True)
+    printed(program)
 
 
 def test_several_rasterisers_in_one_thread_are_independent():
@@ -329,8 +328,7 @@ def test_importing_makes_no_context_and_changes_no_environment():
         "assert before == dict(os.environ)\n"
         "assert 'OpenGL' not in sys.modules, 'eager'\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    printed(program)
 
 
 def test_errors_of_mujoco_become_render_errors(monkeypatch: pytest.MonkeyPatch):
@@ -356,8 +354,4 @@ def test_egl_draws_after_every_library_failed_once(osmesa_present: None):
         "    assert str(error).count('no memory') == 2, error\n"
         "with Rasteriser(build().model, WIDTH, HEIGHT) as renderer: print(renderer.info)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program, str(Path(__file__).parents[1])], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert "egl" in done.stdout
+    assert "egl" in printed(program, str(Path(__file__).parents[1]))

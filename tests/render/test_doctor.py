@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 
 import pytest
 
 from pftrack_sim.render import doctor
 from pftrack_sim.render.doctor import BackendCheck, Report, report
 from pftrack_sim.render.gl.context import OpenGLInfo, candidates
+from tests.fresh_process import printed
 
 EGL = BackendCheck("egl", OpenGLInfo("egl", "Mesa", "llvmpipe", "4.5"))
 BROKEN = BackendCheck("egl", None, "libEGL.so.1 is not installed")
@@ -73,5 +73,4 @@ def test_a_missing_library_is_reported_by_the_check_process():
     program = "import sys; sys.argv[1:] = ['osmesa']\n"
     program += "from pftrack_sim.render import doctor; from pftrack_sim.render.gl import context\n"
     program += "context._loads = lambda name: False; doctor._main()"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert "not installed" in done.stdout
+    assert "not installed" in printed(program)

@@ -14,6 +14,7 @@ from pftrack_sim.core.errors import ParameterError, RenderError, UnknownNameErro
 from pftrack_sim.render import renderer as renderers
 from pftrack_sim.scenario import load, names
 from pftrack_sim.simulation.simulation import Simulation
+from tests.fresh_process import printed
 
 pytest.importorskip("mujoco_warp")
 
@@ -159,11 +160,8 @@ def _without_opengl() -> dict[str, str]:
 
 def _digest(backend: str | None, environment: dict[str, str] | None = None) -> list[str]:
     """Backend that draws, and the digest of its frames."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)} if environment is None else environment
     program = _PROGRAM.format(size=SIZE, backend=repr(backend))
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, env=environment)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.split()[-2:]
+    return printed(program, **(environment or {"PYTHONPATH": str(ROOT)})).split()[-2:]
 
 
 @pytest.mark.slow
@@ -208,7 +206,7 @@ def test_warp_is_imported_only_when_chosen():
         "import sys, pftrack_sim.simulation.simulation, pftrack_sim.render.doctor; "
         "assert not {'warp', 'mujoco_warp'} & set(sys.modules)"
     )
-    subprocess.run([sys.executable, "-c", program], check=True)
+    printed(program)
 
 
 @pytest.mark.slow
@@ -222,4 +220,4 @@ def test_only_the_ray_caster_of_mujoco_warp_is_imported():
         "from pftrack_sim.render.warp.rays import caster\n"
         "assert callable(mujoco_warp.step) and render is caster\n"
     )
-    subprocess.run([sys.executable, "-c", program], check=True)
+    printed(program)

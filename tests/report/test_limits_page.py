@@ -86,17 +86,8 @@ def test_what_breaks_first_is_the_least_in_typical_levels():
 
 
 def test_differences_have_a_table_of_their_own():
-    pair = Difference(
-        scenario="corridor",
-        axis="jitter",
-        unit="deg RMS",
-        first="ncc",
-        second="stay",
-        difference=0.5,
-        low=0.1,
-        high=0.9,
-        correlation=0.3,
-    )
+    place = {"scenario": "corridor", "axis": "jitter", "unit": "deg RMS"}
+    pair = Difference(**place, first="ncc", second="stay", difference=0.5, low=0.1, high=0.9, correlation=0.3)
     found = Limits(success="overlap >= 0.5 for 90 % of the episode", at=0.5, limits=(FOUND,), differences=(pair,))
     first, second = limit_tables(found)
     assert first.rows == [["corridor, jitter [deg RMS]", "ncc", "1.23", "1 to 1.5", "40", "budget used up"]]

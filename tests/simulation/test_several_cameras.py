@@ -16,16 +16,13 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ScenarioError, TrackerError, UnknownNameError
 from pftrack_sim.core.records import Frame, Truth
 from pftrack_sim.simulation.simulation import Simulation
+from tests.observing import SMALL_WALK
 from tests.simulation.test_calibration import FISHEYE, LENS, K, box_by_opencv, ros
 
 BASELINE_M = 0.3
 STEREO: dict[str, Any] = {
-    "extends": "plaza-walk",
+    **SMALL_WALK,
     "duration_s": 3.0,
-    "camera": {"width_px": 160, "height_px": 120, "rate_hz": 10.0},
-    "lights": {"shadows": False, "schedule": []},
-    "target": {"actions": []},
-    "occluders": [],
     "cameras": [
         {"name": "right", "left_m": -BASELINE_M},
         {

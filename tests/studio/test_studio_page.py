@@ -33,12 +33,9 @@ STILL = {
     "distractors.count": 1,
 }
 PLAIN = Settings("easy/corridor", 1, STILL, (TrackerSpec(name="stay"),))
-PICTURE = """async () => {
-    let image = document.querySelector('img[src^="blob:"]');
-    while (!image.complete || image.naturalWidth === 0) {
-        await new Promise(resolve => setTimeout(resolve, 20));
-        image = document.querySelector('img[src^="blob:"]');
-    }
+PICTURE = """() => {
+    const image = document.querySelector('img[src^="blob:"]');
+    if (!image.complete || image.naturalWidth === 0) return null;
     const canvas = document.createElement('canvas');
     canvas.width = image.naturalWidth;
     canvas.height = image.naturalHeight;
@@ -48,11 +45,13 @@ PICTURE = """async () => {
 DRAWS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 
 
-def until(true: Callable[[], Any], what: str) -> None:
-    for _ in range(1200):
-        if true():
-            return
-        time.sleep(0.1)
+def until(true: Callable[[], Any], what: str, period_s: float = 0.1) -> Any:
+    """What it returns, as soon as that is true."""
+    end_s = time.monotonic() + 120.0
+    while time.monotonic() < end_s:
+        if found := true():
+            return found
+        time.sleep(period_s)
     raise AssertionError(f"not within two minutes: {what}")
 
 
@@ -79,7 +78,8 @@ def page(studio: Studio, launch_chromium: Callable[..., Any]) -> Iterator[Any]:
 
 def received(page: Any) -> np.ndarray:
     """The picture in the page, grey."""
-    coded = base64.b64decode(page.evaluate(PICTURE).partition(",")[2])
+    address = until(lambda: page.evaluate(PICTURE), "the picture is loaded", 0.02)
+    coded = base64.b64decode(address.partition(",")[2])
     return cv2.imdecode(np.frombuffer(coded, np.uint8), cv2.IMREAD_GRAYSCALE)
 
 

@@ -1,6 +1,6 @@
 """A tracker in a process of its own: deadlines, bounds, and its end."""
 
-import subprocess
+import signal
 import sys
 import time
 from pathlib import Path
@@ -11,6 +11,7 @@ import pytest
 from pftrack_sim.core.text import describe_error, one_line, printable
 from pftrack_sim.trackers.isolation import IsolatedTracker, Limits, TrackerCode, TrackerFault
 from pftrack_sim.trackers.isolation import process as parent
+from tests.fresh_process import printed
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="other systems do not contain processes")
 IMAGE = np.zeros((9, 12, 3), np.uint8)
@@ -87,9 +88,8 @@ tracker.init(image, [1, 2, 3, 4])
 print(int(tracker.update(image).box[0]), flush=True)
 os.kill(os.getpid(), 9)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stdout.strip().isdigit(), done.stderr
+    pid = int(printed(code, ends_with=-signal.SIGKILL))
     end_s = time.monotonic() + 20.0
-    while Path(f"/proc/{done.stdout.strip()}").exists():
+    while Path(f"/proc/{pid}").exists():
         assert time.monotonic() < end_s
         time.sleep(0.02)

@@ -1,7 +1,5 @@
 """Trackers by name, and errors for wrong names and parameters."""
 
-import subprocess
-import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from pftrack_sim.core import plugins
 from pftrack_sim.core.errors import ParameterError, TrackerError, UnknownNameError
 from pftrack_sim.core.records import Estimate
 from pftrack_sim.trackers import registry
+from tests.fresh_process import printed
 
 
 class Mine:
@@ -202,6 +201,4 @@ from pftrack_sim.core import plugins
 trackers.names(), trackers.make("stay"), trackers.make("oracle")
 print({"numba", "cv2", "mujoco", "gymnasium"} & {*sys.modules})
 """
-    command = [sys.executable, "-c", code, pftrack_sim.__path__[0]]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"
+    assert printed(code, pftrack_sim.__path__[0]).strip() == "set()"

@@ -3,20 +3,13 @@
 import numpy as np
 import pytest
 
-from pftrack_sim import trackers
 from pftrack_sim.trackers.relatives.sidibe2010 import Sidibe2010, spectral_residual
-from tests.trackers.following import Scene, follow
-
-
-def made(**given: float) -> Sidibe2010:
-    tracker = trackers.make("sidibe2010", **given)
-    assert isinstance(tracker, Sidibe2010)
-    return tracker
+from tests.trackers.following import Scene, follow, made
 
 
 def test_the_saliency_of_the_first_box_is_matched_there_and_less_beside(scene: Scene):
     images, truth = scene
-    tracker = made(lambda_colour=0)
+    tracker = made(Sidibe2010, lambda_colour=0)
     tracker.init(images[0], truth[0])
     shifted = truth[0] + np.array([[0.0, 0, 0, 0], [8, 0, 0, 0], [0, -10, 0, 0], [-10, -10, 0, 0]])
     similarity = tracker.similarities(tracker.observe(images[0], shifted), shifted)[1]
@@ -32,7 +25,7 @@ def test_saliency_distinguishes_a_target_from_a_patch_of_its_colours():
     for x in range(100, 200, 30):
         image[:, x : x + 20] = (200, 60, 60)
     both = np.array([[30.0, 40, 20, 40], [130.0, 40, 20, 40]])
-    tracker = made()
+    tracker = made(Sidibe2010)
     tracker.init(image, both[0])
     colour, saliency = tracker.similarities(tracker.observe(image, both), both)
     assert np.allclose(colour, 1.0, rtol=0, atol=1e-9)

@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pftrack_sim import trackers
 from pftrack_sim.trackers.features.image_region import crop
 from pftrack_sim.trackers.relatives.yang2005 import STAGES, CascadeRegion, Yang2005, orientation_channels
-from tests.trackers.following import Scene
+from tests.trackers.following import Scene, made
 
 ALL = {"keep_colour": 1.0, "keep_orientation": 1.0, "keep_haar": 1.0}
 
@@ -17,8 +16,7 @@ ALL = {"keep_colour": 1.0, "keep_orientation": 1.0, "keep_haar": 1.0}
 def cascade(scene: Scene, particles: np.ndarray, **given: Any) -> tuple[Yang2005, CascadeRegion]:
     """A tracker of the first box, and what it sees in the second frame."""
     images, truth = scene
-    tracker = trackers.make("yang2005", **given)
-    assert isinstance(tracker, Yang2005)
+    tracker = made(Yang2005, **given)
     tracker.init(images[0], truth[0])
     return tracker, tracker.observe(images[1], np.concatenate([particles, truth[1:2]]))
 
