@@ -133,7 +133,6 @@ def _provenance(store: RunStore) -> list[tuple[str, str]]:
     """The record of the last session, and the renderers of all."""
     session = store.record.sessions[-1].model_dump() if store.record.sessions else {}
     entries = [(name, _words(session[name])) for name in _SESSION_KEYS if session.get(name)]
-    entries.insert(0, ("checksums", "not verified: no SHA256SUMS" if store.checksums.known is None else "verified"))
     graphics = dict.fromkeys(str(result.values["graphics"]) for result in store.results)
     seeds = sorted({result.seed for result in store.results})
     state = "all episodes" if store.finished else "not finished: these are the episodes so far"

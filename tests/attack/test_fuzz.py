@@ -27,7 +27,7 @@ from pftrack_sim.formats import read_sequence
 from pftrack_sim.report import write_report
 from tests.attack.deadline import deadline
 from tests.attack.mutations import VALUES, mutate_folder, mutated, mutated_bytes, paths
-from tests.benchmark.small import contents, small_plan
+from tests.benchmark.small import contents, small_plan, with_sums
 
 pytestmark = [
     pytest.mark.slow,
@@ -122,13 +122,11 @@ def said(path: Path) -> str:
 
 
 @cases(0.15)
-@given(sums=st.booleans(), data=st.data())
-def test_run_folders(finished: Path, tmp_path_factory: pytest.TempPathFactory, sums: bool, data: Any):
+@given(data=st.data())
+def test_run_folders(finished: Path, tmp_path_factory: pytest.TempPathFactory, data: Any):
     path = tmp_path_factory.getbasetemp() / "changed"
     shutil.rmtree(path, ignore_errors=True)
     shutil.copytree(finished, path)
-    if not sums:
-        (path / "SHA256SUMS").unlink()
     before = said(finished)
     name = mutate_folder(path, data)
     with deadline(120.0):
@@ -142,21 +140,18 @@ def test_run_folders(finished: Path, tmp_path_factory: pytest.TempPathFactory, s
         except PftrackError as error:
             one_error(error)
             silent = True
-    # Without checksums nothing vouches for videos and for the sessions in run.json.
     assert silent or complaints, name
 
 
 @cases(0.1)
-@given(sums=st.booleans(), changes=st.integers(1, 3), data=st.data())
+@given(changes=st.integers(1, 3), data=st.data())
 def test_what_is_done_with_changed_run_folders(
-    finished: Path, tmp_path_factory: pytest.TempPathFactory, sums: bool, changes: int, data: Any
+    finished: Path, tmp_path_factory: pytest.TempPathFactory, changes: int, data: Any
 ):
     """Each command works or says one error, and none harms a result that is good; a run that ends is as it was."""
     path = tmp_path_factory.getbasetemp() / "resumed"
     shutil.rmtree(path, ignore_errors=True)
     shutil.copytree(finished, path)
-    if not sums:
-        (path / "SHA256SUMS").unlink()
     changed = {mutate_folder(path, data) for _ in range(changes)}
     store = RunStore(finished)
     good = [name for one in store.plan.asked.values() if not changed & {*(own := one.tables)} for name in own]
@@ -176,7 +171,7 @@ def test_what_is_done_with_changed_run_folders(
     # A result that the list of checksums does not name any more is run again.
     if "SHA256SUMS" not in changed:
         assert all((path / name).read_bytes() == (finished / name).read_bytes() for name in good), changed
-    if ended and sums:
+    if ended:
         assert contents(path) == contents(finished), changed
 
 
@@ -189,7 +184,7 @@ def test_records_of_runs(finished: Path, tmp_path_factory: pytest.TempPathFactor
     path = tmp_path_factory.getbasetemp() / "record"
     shutil.rmtree(path, ignore_errors=True)
     shutil.copytree(finished, path)
-    (path / "SHA256SUMS").unlink()
+    with_sums(path, finished=False)  # nothing vouches for the record
     with deadline():
         try:
             (path / "run.json").write_text(json.dumps(changed))

@@ -4,6 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from pftrack_sim.benchmark import Plan, RunStore, make_plan
+from pftrack_sim.benchmark.kept.checksums import SUMS, TABLES_OF_RESULTS, Checksums
+from pftrack_sim.core.code_digest import file_digest
 
 SMALL: dict[str, Any] = {
     "camera.width_px": 96,
@@ -31,3 +33,9 @@ def contents(path: Path) -> list[tuple[Any, ...]]:
     with RunStore(path).database() as database:
         rows = database.sql("SELECT file, content_sha256, frames_digest FROM summary ORDER BY number, place")
         return rows.fetchall()
+
+
+def with_sums(folder: Path, *, finished: bool = True) -> None:
+    """Write the checksums of a run folder's files as they are; those of an unfinished session name results only."""
+    names = [name for name in Checksums(folder).there() if finished or name.startswith(TABLES_OF_RESULTS)]
+    (folder / SUMS).write_text("".join(f"{file_digest(folder / name)}  {name}\n" for name in names))

@@ -3,7 +3,7 @@
 A file of a result gets its line before it is written, so that a file without a line is none of the run's; of several
 lines about one file, which an interrupted session leaves, the last one counts. At its end a session writes the list
 whole, with `run.json` and all that was derived from the results. Checksums find accidents, not attacks: write access to
-the folder includes them.
+the folder includes them. No table is read before they were verified: DuckDB can crash on a damaged Parquet file.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from pftrack_sim.benchmark.kept.files import write_bytes
@@ -33,7 +33,7 @@ class Checksums:
     """Checksums of a run folder.
 
     Attributes:
-        known: SHA-256 of files by their paths within the folder; None in a folder without checksums.
+        known: SHA-256 of files by their paths within the folder; empty in a folder without a list.
 
     Raises:
         RunError: The list is damaged.
@@ -41,7 +41,7 @@ class Checksums:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self.known: dict[str, str] | None = None
+        self.known: dict[str, str] = {}
         if not os.path.lexists(folder / SUMS):
             return
         try:
@@ -57,17 +57,12 @@ class Checksums:
     @property
     def complete(self) -> bool:
         """Whether a session has ended, so that every file has a line."""
-        return self.known is not None and RECORD in self.known
-
-    def names(self) -> Collection[str]:
-        """Files that have a line; in a folder without a list those that are there."""
-        return self.known if self.known is not None else self.there()
+        return RECORD in self.known
 
     def begin(self) -> None:
-        """Write the list as a session begins: of results and what shows them, also where there was no list."""
-        names = (name for name in self.names() if not name.startswith(DERIVED) and self._is_file(name))
-        known = self.known or {}
-        self._write({name: known.get(name) or file_digest(self._folder / name) for name in names})
+        """Write the list as a session begins: of results and what shows them."""
+        kept = (name for name in self.known if not name.startswith(DERIVED) and self._is_file(name))
+        self._write({name: self.known[name] for name in kept})
 
     def add(self, contents: Mapping[str, bytes]) -> None:
         """Add lines about files that are written next; raises RunError."""
@@ -79,7 +74,6 @@ class Checksums:
                 os.fsync(opened.fileno())
         except OSError as error:
             raise RunError(f"cannot write {self._folder / SUMS}: {error.strerror}") from None
-        self.known = self.known if self.known is not None else {}
         self.known |= added
 
     def end(self) -> None:
@@ -88,7 +82,7 @@ class Checksums:
         Raises:
             RunError: A file cannot be read, or the list cannot be written.
         """
-        known = {name: one for name, one in (self.known or {}).items() if not name.startswith(DERIVED)}
+        known = {name: one for name, one in self.known.items() if not name.startswith(DERIVED)}
         names = [name for name in self.there() if name in known or not name.startswith(TABLES_OF_RESULTS)]
         try:
             self._write({name: known.get(name) or file_digest(self._folder / name) for name in names})
@@ -97,24 +91,23 @@ class Checksums:
 
     def update(self, name: str) -> None:
         """Note a file that was written anew; nothing while a session writes."""
-        if self.known is not None and self.complete:
+        if self.complete:
             self._write({**self.known, name: file_digest(self._folder / name)})
 
     def changes(self, names: Iterable[str] | None = None) -> dict[str, str]:
-        """What is wrong with each of these files, or with all; nothing in a folder without a list.
+        """What is wrong with each of these files, or with all that have a line.
 
         In a list that is not complete, a line may be about a file that has not been written.
         """
-        known = self.known or {}
         if names is None:
-            names = sorted({*known, *self.there()} if self.complete else filter(self._is_file, known))
+            names = sorted({*self.known, *self.there()} if self.complete else filter(self._is_file, self.known))
         found: dict[str, str] = {}
-        for name in names if self.known is not None else ():
-            if name not in known:
+        for name in names:
+            if name not in self.known:
                 found[name] = "added since the run was finished"
             elif not self._is_file(name):
                 found[name] = "missing"
-            elif file_digest(self._folder / name) != known[name]:
+            elif file_digest(self._folder / name) != self.known[name]:
                 found[name] = "changed since it was written"
         return found
 

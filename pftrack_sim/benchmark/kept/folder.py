@@ -102,6 +102,7 @@ class RunFolder:
                 (path / SCRATCH).mkdir(exist_ok=True)
                 write_record(path, record.model_copy(update={"sessions": (*record.sessions, session())}))
                 folder = cls(path)
+                folder.verify(name for one in folder.present.values() for name in one.tables)
                 folder._opened = opened.pop_all()
                 return folder
         except OSError as error:
@@ -142,6 +143,7 @@ class RunFolder:
             RunError: A result cannot be read.
         """
         theirs = [one for one in self.present.values() if not is_builtin(one.tracker.name)]
+        self.verify(one.table for one in theirs)
         known = ((one, metadata.get(OPENED, {})) for one, metadata in read_metadata(self.path, theirs))
         return [(one, {str(name): str(was) for name, was in files.items()}) for one, files in known]
 
@@ -164,8 +166,8 @@ class RunFolder:
         return sorted(there)
 
     def _tables(self) -> list[str]:
-        """Paths within the folder of the tables of results and of frames that are there."""
-        names = (name for name in self.checksums.names() if name.startswith(TABLES_OF_RESULTS))
+        """Paths within the folder of the tables of results and of frames that are there and have a checksum."""
+        names = (name for name in self.checksums.known if name.startswith(TABLES_OF_RESULTS))
         return [name for name in names if is_file(self.path / name)]
 
     def add(self, files: Mapping[str, bytes]) -> None:
@@ -179,7 +181,7 @@ class RunFolder:
                 (self.path / name).unlink(missing_ok=True)
         except OSError as error:
             raise RunError(f"cannot replace {error.filename}: {error.strerror}") from None
-        known = self.checksums.names()
+        known = self.checksums.known
         new = {
             name: content
             for name, content in files.items()

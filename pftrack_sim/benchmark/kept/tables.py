@@ -19,7 +19,6 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.benchmark import keys
 from pftrack_sim.benchmark.asked.plan import AskedResult
 from pftrack_sim.benchmark.kept.files import query_deadline, sql_text
 from pftrack_sim.core.errors import RunError
@@ -29,8 +28,6 @@ from pftrack_sim.core.text import one_line
 
 METADATA_KEY = "pftrack_sim"
 OPENED = "opened"
-_DIGEST = "metadata_sha256"
-"""Of all other metadata; that of the rows is among them."""
 """Entry of a result's metadata: digests of the files that its tracker has loaded and opened, by name."""
 CHUNK = 500
 """Results whose metadata are read at once."""
@@ -109,8 +106,7 @@ def table_writer(**tables: Columns) -> Generator[Callable[..., None]]:
                 database.execute(f"CREATE OR REPLACE TEMP TABLE rows AS SELECT * REPLACE ({casts}) FROM ({query})")
                 options = "FORMAT parquet, COMPRESSION zstd"
                 if metadata is not None:
-                    kept = json.loads(json.dumps({**metadata, "content_sha256": _content_digest(database)}))
-                    text = json.dumps({**kept, _DIGEST: keys.digest(kept)})
+                    text = json.dumps({**metadata, "content_sha256": _content_digest(database)})
                     options += f", KV_METADATA {{{METADATA_KEY}: {sql_text(text)}}}"
                 database.execute(f"COPY rows TO {sql_text(path)} ({options})")
             except duckdb.Error as error:
@@ -165,8 +161,6 @@ def _read_chunk(files: Mapping[Path, AskedResult]) -> Iterator[tuple[AskedResult
         if not isinstance(metadata, dict):
             raise RunError(f"{path}: not a result's table: it has no metadata of a run")
         known = cast("dict[str, Any]", metadata)
-        if known.pop(_DIGEST, None) != keys.digest(known):
-            raise RunError(f"{path}: not a result's table: its metadata have changed since it was written")
         if known.get("key") != asked.key:
             other = one_line("{scenario} {condition} seed {seed}, {label}".format_map(defaultdict(str, known)))
             raise RunError(

@@ -61,7 +61,7 @@ def check(path: Path) -> CheckReport:
     # These are named by their episodes, or as foreign.
     named = {*foreign}.union(*(one.tables for one in missing))
     problems = [f"{name}: {problem}" for name, problem in changes.items() if name not in named]
-    if folder.checksums.known is None:
+    if not os.path.lexists(path / SUMS):
         problems.append(f"{SUMS}: missing")
     damaged = [one for one in plan.asked.values() if not changes.keys().isdisjoint(one.tables)]
     if present and not damaged and not (folder.finished and missing):
@@ -98,6 +98,8 @@ def _derived_problems(folder: RunFolder, present: Iterable[AskedResult]) -> Iter
             return
         if not is_file(path):
             yield f"{SUMMARY}: is not a regular file"
+            return
+        if folder.checksums.changes([SUMMARY]):
             return
         try:
             with query_deadline(database):

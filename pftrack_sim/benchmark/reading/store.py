@@ -14,6 +14,7 @@ from typing import Any, cast
 import duckdb
 
 from pftrack_sim.benchmark.asked.plan import Episode
+from pftrack_sim.benchmark.kept.checksums import SUMS
 from pftrack_sim.benchmark.kept.files import query_deadline, sql_text
 from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
 from pftrack_sim.benchmark.kept.record import now
@@ -84,7 +85,12 @@ class RunStore(RunFolder):
         """
         present = self.present
         if not present:
-            raise RunError(f"{self.path} has no finished episode yet")
+            raise RunError(
+                f"{self.path} has no finished episode yet"
+                if os.path.lexists(self.path / SUMS)
+                else f"{self.path} has no {SUMS}: a result without its checksum is not read; restore the file, or the "
+                "same command runs the episodes again"
+            )
         missing = self.missing if self.finished else []
         for file in filter(is_file, (self.path / one.table for one in missing)):
             raise RunError(f"{file}: has no checksum, or its frames are missing; pftrack-sim check lists all problems")
@@ -136,7 +142,7 @@ class RunStore(RunFolder):
                 with query_deadline(database, limit_s):
                     table = database.execute(sql)
                     return QueryResult(tuple(one[0] for one in table.description or ()), table.fetchall())
-            except (duckdb.Error, UnicodeError) as error:
+            except (duckdb.Error, UnicodeEncodeError) as error:
                 raise RunError(f"the query failed: {error}") from None
 
     @cached_property
@@ -170,7 +176,7 @@ class RunStore(RunFolder):
             with _reader(os.getpid()).cursor() as database, query_deadline(database):
                 table = database.execute(f"SELECT {', '.join(names)} FROM ({frames}) ORDER BY frame")
                 return cast("Any", table).fetchnumpy()
-        except (duckdb.Error, UnicodeDecodeError) as error:
+        except duckdb.Error as error:
             raise RunError(f"{file} cannot be read: {one_line(str(error).splitlines()[0])}") from None
 
     def video_of(self, result: Result) -> Path | None:
