@@ -134,6 +134,34 @@ def test_a_search_is_a_part_whose_first_episodes_on_an_axis_are_played_again(tmp
     assert confirm(part, tmp_path, kept)
 
 
+@pytest.mark.slow
+def test_a_profile_is_a_part_of_which_two_scenarios_are_measured_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    page = tmp_path / "docs" / "page.md"
+    page.parent.mkdir()
+    page.write_text(
+        "    pftrack-sim profile corridor plaza-walk --seeds 1 --set camera.width_px=64 --set camera.height_px=48 "
+        "--set duration_s=1 --out runs/tiny\n\n<!-- tables of tiny -->\n<!-- end -->\n"
+    )
+    (part,) = parts([page])
+    kept = tmp_path / "kept"
+    assert make(part, tmp_path, kept)
+    assert "| `stay_overlap` | " in page.read_text()
+    assert (page.parent / "pictures/tiny.webp").is_file()
+    assert stale(part, kept) == []
+    assert confirm(part, tmp_path, kept)
+    assert "the same to the bit in 2 results" in capsys.readouterr().out
+    told = about("tiny", kept)
+    assert told is not None
+    with duckdb.connect() as database:
+        results.keep(
+            kept / "tiny.parquet", database, f"SELECT * REPLACE (9.0 AS sharpness) FROM '{kept / 'tiny.parquet'}'", told
+        )
+    assert not confirm(part, tmp_path, kept)
+    assert "another result now: None corridor None None None" in capsys.readouterr().out
+
+
 def test_the_site_marks_tables_that_are_older_than_the_code(monkeypatch: pytest.MonkeyPatch):
     pytest.importorskip("mkdocs", reason="the extra docs is not installed")
     import hooks

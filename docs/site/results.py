@@ -1,15 +1,16 @@
 """Makes the tables of the pages by the commands above them: `make results`; PARTS="ko2012 courses" makes some.
 
-A part is a block of tables with its command, of `bench`, `follow` or `limit`, on the same page. A finished one is kept
-in `docs/site/results/NAME.parquet`, to be committed: scores and digests of every episode, the command, the code that
-made it, and how long its last command took. It is made again where the command is another now. Where only the code is,
-a random twentieth of its episodes is played again first, some of each tracker (of `limit` the first of a random axis):
-if all are the same to the bit, it stays as it is, with the code of now beside that which made it. Frames and videos
-stay in `runs/NAME`, from which an interrupted part goes on.
+A part is a block of tables with its command, of `bench`, `follow`, `limit` or `profile`, on the same page. A finished
+one is kept in `docs/site/results/NAME.parquet`, to be committed: scores and digests of every episode, the command, the
+code that made it, and how long its last command took. It is made again where the command is another now. Where only the
+code is, a random twentieth of its episodes is played again first, some of each tracker (of `limit` the first of a
+random axis, of `profile` two scenarios): if all are the same to the bit, it stays as it is, with the code of now beside
+that which made it. Frames and videos stay in `runs/NAME`, from which an interrupted part goes on.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import random
@@ -19,12 +20,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import duckdb
+import PIL.Image
 from plots import draw
 
 from pftrack_sim.benchmark import RunStore
@@ -45,14 +47,16 @@ LEAST = 4
 ANOTHER_COMMAND = "another command"
 
 ROOT = Path(__file__).parents[2]
-PAGES = (ROOT / "docs/results.md", ROOT / "docs/axes.md")
+PAGES = tuple(ROOT / "docs" / name for name in ("results.md", "axes.md", "profile.md"))
 KEPT = ROOT / "docs/site/results"
 
 _BLOCK = re.compile(r"^<!-- tables of (\S+) -->$", re.MULTILINE)
 _COMMANDS = re.compile(r"(?:^    .*\n)+", re.MULTILINE)
 _ASSIGNMENT = re.compile(r"[A-Z]+=")
 _LIMIT = "pftrack-sim limit "
-_RUNS = ("pftrack-sim bench ", "pftrack-sim follow ", _LIMIT)
+_PROFILE = "pftrack-sim profile "
+_RUNS = ("pftrack-sim bench ", "pftrack-sim follow ", _LIMIT, _PROFILE)
+_PROFILED = re.compile(rf"(?<={_PROFILE})(?:(?!--)\S+ )+")
 _AXIS, _BUDGET = re.compile(r"--axis [\w.=:]+"), re.compile(r"--budget \d+")
 _EPISODE = ("kind", "scenario", "condition", "seed", "label")
 _OF_A_RUN = ("number", "place", "file", "printed", "levels", "key", "frames_key", "content_sha256")
@@ -109,23 +113,42 @@ def about(name: str, kept: Path = KEPT) -> dict[str, Any] | None:
 def make(part: Part, root: Path = ROOT, kept: Path = KEPT, more: str = "") -> bool:
     """Run a part and write its tables into its page; False where it is not finished, as with `--part` in `more`."""
     folder, began = root / "runs" / part.name, time.monotonic()
-    play(part, more + (" --refresh" if is_run(folder) else ""), folder, root)
-    store = RunStore(folder)
-    if not store.finished:
-        return False
-    told = {
-        **made_by(store),
-        "script": part.script,
-        "hours": (time.monotonic() - began) / 3600,
-        "commit": store.record.sessions[-1].commit,
-        "finished": store.record.finished,
-    }
-    with store.database() as database:
-        query = "SELECT * EXCLUDE (printed, file) FROM summary ORDER BY number, place"
+    profile = _PROFILE in part.script
+    play(part, "" if profile else more + (" --refresh" if is_run(folder) else ""), folder, root)
+    with contextlib.ExitStack() as opened:
+        if profile:
+            database, told = opened.enter_context(_numbers(folder)), made_by(None)
+            query, picture = "FROM summary", part.page.parent / f"pictures/{part.name}.webp"
+            picture.parent.mkdir(parents=True, exist_ok=True)
+            with PIL.Image.open(folder / "profile.png") as drawn:
+                drawn.convert("RGB").quantize(64, dither=PIL.Image.Dither.NONE).save(picture, lossless=True, method=6)
+        else:
+            store = RunStore(folder)
+            if not store.finished:
+                return False
+            told = made_by(store)
+            told |= {"commit": store.record.sessions[-1].commit, "finished": store.record.finished}
+            database = opened.enter_context(store.database())
+            query = "SELECT * EXCLUDE (printed, file) FROM summary ORDER BY number, place"
+        told |= {"script": part.script, "hours": (time.monotonic() - began) / 3600}
         keep(kept / f"{part.name}.parquet", database, query, told)
     update_document(part.page, root / "runs", part.name)
     draw(part.page, part.page.parent / "pictures/results")
     return True
+
+
+@contextlib.contextmanager
+def _numbers(folder: Path) -> Generator[duckdb.DuckDBPyConnection]:
+    """A database whose table `summary` has a row per scenario of a profile, named as results are."""
+    with duckdb.connect() as database:
+        (folder / "numbers.json").write_text(
+            "\n".join(
+                json.dumps(dict.fromkeys(_EPISODE) | {"scenario": name, **numbers})
+                for name, numbers in json.loads((folder / "profile.json").read_text(encoding="utf-8")).items()
+            )
+        )
+        database.execute(f"CREATE TABLE summary AS FROM read_json({sql_text(folder / 'numbers.json')})")
+        yield database
 
 
 def play(part: Part, more: str, folder: Path, root: Path) -> None:
@@ -137,10 +160,10 @@ def play(part: Part, more: str, folder: Path, root: Path) -> None:
         sys.exit(f"{part.name}: ended with {done.returncode}; make results goes on from there")
 
 
-def made_by(store: RunStore) -> dict[str, Any]:
-    """The code that made a run: the environment, and trackers with their own."""
-    trackers = [one.model_dump(mode="json") for one in store.plan.trackers]
-    return {"environment": store.plan.environment, "trackers": trackers}
+def made_by(store: RunStore | None) -> dict[str, Any]:
+    """The code that made a run: the environment, and trackers with their own; None is a profile's of now."""
+    trackers = [one.model_dump(mode="json") for one in (store.plan.trackers if store else ())]
+    return {"environment": store.plan.environment if store else environment(), "trackers": trackers}
 
 
 def keep(file: Path, database: duckdb.DuckDBPyConnection, query: str, told: dict[str, Any]) -> None:
@@ -160,8 +183,8 @@ def confirm(part: Part, root: Path = ROOT, kept: Path = KEPT) -> bool:
         share = max(1, min(SHARE, len({name[:-1] for name in before}) // LEAST))
         for number in random.SystemRandom().sample(range(share), share):
             play(*_some(part, f"{1 + number}/{share}"), Path(folder) / part.name, root)
-            store = RunStore(Path(folder) / part.name)
-            with store.database() as again:
+            store = None if _PROFILE in part.script else RunStore(Path(folder) / part.name)
+            with store.database() if store else _numbers(Path(folder) / part.name) as again:
                 now = _scores(again, "summary")
             if {name[-1] for name in now} == {name[-1] for name in before}:
                 break  # of each tracker something was played again
@@ -176,6 +199,9 @@ def confirm(part: Part, root: Path = ROOT, kept: Path = KEPT) -> bool:
 
 def _some(part: Part, share: str) -> tuple[Part, str]:
     """A part with the script that plays a few of its episodes, K/N of them, and options that are added."""
+    if profiled := _PROFILED.search(part.script):
+        chosen = random.SystemRandom().sample(profiled[0].split(), 2)
+        return replace(part, script=_PROFILED.sub(" ".join([*chosen, ""]), part.script)), ""
     if _LIMIT not in part.script:
         return part, f"--part {share}"
     axes = _AXIS.findall(part.script)
