@@ -127,6 +127,8 @@ def test_no_table_is_read_without_its_checksum(copied: Path):
     assert check(copied).problems == ("SHA256SUMS: missing", "missing: corridor seed 0", "missing: corridor seed 1")
     with pytest.raises(RunError, match="has no SHA256SUMS: a result without its checksum is not read"):
         _ = RunStore(copied).results
+    with pytest.raises(RunError, match="has no SHA256SUMS"):
+        merge(copied.parent / "merged", [copied])
     run(PLAN, copied, videos="none")
     assert check(copied).good
     assert before.keys() == {*(copied / "episodes").rglob("*.parquet")}

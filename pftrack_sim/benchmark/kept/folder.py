@@ -125,6 +125,14 @@ class RunFolder:
             raise RunError(f"{self.path}/{name}: {problem}; pftrack-sim check lists all problems")
         self._verified.update(new)
 
+    def require_checksums(self) -> None:
+        """Raise RunError where the list of checksums is lost, so that no result is read."""
+        if not os.path.lexists(self.path / SUMS):
+            raise RunError(
+                f"{self.path} has no {SUMS}: a result without its checksum is not read; restore the file, or the same "
+                "command runs the episodes again"
+            )
+
     @property
     def kept(self) -> set[str]:
         """Short keys of the results that are there, asked for or not."""

@@ -47,6 +47,8 @@ def merge(out: Path, folders: Sequence[Path]) -> MergeReport:
     if not folders:
         raise ParameterError("merge needs at least one run folder")
     stores = [RunStore(folder) for folder in folders]
+    for store in stores:
+        store.require_checksums()
     plan = stores[0].plan
     for store in stores[1:]:
         try:

@@ -14,7 +14,6 @@ from typing import Any, cast
 import duckdb
 
 from pftrack_sim.benchmark.asked.plan import Episode
-from pftrack_sim.benchmark.kept.checksums import SUMS
 from pftrack_sim.benchmark.kept.files import query_deadline, sql_text
 from pftrack_sim.benchmark.kept.folder import SUMMARY, RunFolder
 from pftrack_sim.benchmark.kept.record import now
@@ -85,12 +84,8 @@ class RunStore(RunFolder):
         """
         present = self.present
         if not present:
-            raise RunError(
-                f"{self.path} has no finished episode yet"
-                if os.path.lexists(self.path / SUMS)
-                else f"{self.path} has no {SUMS}: a result without its checksum is not read; restore the file, or the "
-                "same command runs the episodes again"
-            )
+            self.require_checksums()
+            raise RunError(f"{self.path} has no finished episode yet")
         missing = self.missing if self.finished else []
         for file in filter(is_file, (self.path / one.table for one in missing)):
             raise RunError(f"{file}: has no checksum, or its frames are missing; pftrack-sim check lists all problems")
