@@ -51,6 +51,12 @@ def cases(share: float) -> Any:
     )
 
 
+def copied(folder: Path, copy: Path) -> Path:
+    """A fresh copy, in the place of the former one."""
+    shutil.rmtree(copy, ignore_errors=True)
+    return Path(shutil.copytree(folder, copy))
+
+
 def one_error(error: PftrackError) -> None:
     text = str(error)
     assert 0 < len(text) < 50_000
@@ -124,9 +130,7 @@ def said(path: Path) -> str:
 @cases(0.15)
 @given(data=st.data())
 def test_run_folders(finished: Path, tmp_path_factory: pytest.TempPathFactory, data: Any):
-    path = tmp_path_factory.getbasetemp() / "changed"
-    shutil.rmtree(path, ignore_errors=True)
-    shutil.copytree(finished, path)
+    path = copied(finished, tmp_path_factory.getbasetemp() / "changed")
     before = said(finished)
     name = mutate_folder(path, data)
     with deadline(120.0):
@@ -149,9 +153,7 @@ def test_what_is_done_with_changed_run_folders(
     finished: Path, tmp_path_factory: pytest.TempPathFactory, changes: int, data: Any
 ):
     """Each command works or says one error, and none harms a result that is good; a run that ends is as it was."""
-    path = tmp_path_factory.getbasetemp() / "resumed"
-    shutil.rmtree(path, ignore_errors=True)
-    shutil.copytree(finished, path)
+    path = copied(finished, tmp_path_factory.getbasetemp() / "resumed")
     changed = {mutate_folder(path, data) for _ in range(changes)}
     store = RunStore(finished)
     good = [name for one in store.plan.asked.values() if not changed & {*(own := one.tables)} for name in own]
@@ -181,9 +183,7 @@ def test_records_of_runs(finished: Path, tmp_path_factory: pytest.TempPathFactor
     """`run.json` as a tree."""
     record = json.loads((finished / "run.json").read_text())
     changed = mutated(record, data)
-    path = tmp_path_factory.getbasetemp() / "record"
-    shutil.rmtree(path, ignore_errors=True)
-    shutil.copytree(finished, path)
+    path = copied(finished, tmp_path_factory.getbasetemp() / "record")
     with_sums(path, finished=False)  # nothing vouches for the record
     with deadline():
         try:
@@ -211,9 +211,7 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @cases(0.05)
 @given(data=st.data())
 def test_recorded_sequences(sequence: Path, tmp_path_factory: pytest.TempPathFactory, data: Any):
-    path = tmp_path_factory.getbasetemp() / "sequence-changed"
-    shutil.rmtree(path, ignore_errors=True)
-    shutil.copytree(sequence, path)
+    path = copied(sequence, tmp_path_factory.getbasetemp() / "sequence-changed")
     mutate_folder(path, data)
     with deadline():
         try:

@@ -3,7 +3,7 @@
 A file of a result gets its line before it is written, so that a file without a line is none of the run's; of several
 lines about one file, which an interrupted session leaves, the last one counts. At its end a session writes the list
 whole, with `run.json` and all that was derived from the results. Checksums find accidents, not attacks: write access to
-the folder includes them. No table is read before they were verified: DuckDB can crash on a damaged Parquet file.
+the folder includes them. No table is read before its checksum was verified: DuckDB can crash on a damaged Parquet file.
 """
 
 from __future__ import annotations
