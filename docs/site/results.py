@@ -161,7 +161,7 @@ def play(part: Part, more: str, folder: Path, root: Path) -> None:
 
 
 def made_by(store: RunStore | None) -> dict[str, Any]:
-    """The code that made a run: the environment, and trackers with their own; None is a profile's of now."""
+    """The code that made a run: the environment, and trackers with their own; without a run, the code of now."""
     trackers = [one.model_dump(mode="json") for one in (store.plan.trackers if store else ())]
     return {"environment": store.plan.environment if store else environment(), "trackers": trackers}
 

@@ -137,9 +137,11 @@ def test_no_table_is_read_without_its_checksum(copied: Path):
 def test_a_damaged_result_is_an_error_before_anything_is_run(copied: Path):
     (copied / FIRST).unlink()
     (copied / SECOND).write_bytes((copied / SECOND).read_bytes()[::-1])
+    before = {name: (copied / name).read_bytes() for name in ("run.json", SUMS)}
     with pytest.raises(RunError, match=f"{SECOND}: changed since it was written"):
         run(PLAN, copied, videos="none")
     assert not (copied / FIRST).exists()
+    assert all((copied / name).read_bytes() == content for name, content in before.items())
 
 
 def test_everybody_in_view_is_stored_once_for_all_trackers(finished: Path):

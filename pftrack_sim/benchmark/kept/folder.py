@@ -94,6 +94,8 @@ class RunFolder:
                         (path / name).unlink(missing_ok=True)
                     if stale or wanted is not record.plan:
                         record = record.model_copy(update={"finished": None, "plan": wanted})
+                    known.record = record
+                    known.verify(name for one in known.present.values() for name in one.tables)
                 # The record comes last: interrupted before it, the folder still asks to be refreshed.
                 Checksums(path).begin()
                 remove_parts(path)
@@ -102,8 +104,7 @@ class RunFolder:
                 (path / SCRATCH).mkdir(exist_ok=True)
                 write_record(path, record.model_copy(update={"sessions": (*record.sessions, session())}))
                 folder = cls(path)
-                folder.verify(name for one in folder.present.values() for name in one.tables)
-                folder._opened = opened.pop_all()
+                folder._opened, folder._verified = opened.pop_all(), known._verified if known else set()
                 return folder
         except OSError as error:
             raise RunError(f"cannot make the run folder {path}: {error.strerror}") from None
