@@ -6,6 +6,7 @@
     python examples/paper_evidence.py causes --episodes ko2012/video-4:0,1,2
     python examples/paper_evidence.py hue --episodes ko2012/video-1:0,1,2
     python examples/paper_evidence.py background --episodes lee2012/07:0,1,2 --seconds 8
+    python examples/paper_evidence.py taught --seconds 8
 
 `walking-off`: the robot stands, the person walks away, and the height of the box of `kwon2005` is compared with the
 true height, with three settings of its template. `learning`: the likelihood of `lee2012`
@@ -14,6 +15,7 @@ the target's motion in the videos after Ko et al. 2012 beside the noise of `ko20
 `causes`: overlaps of `ko2012` in those videos without what covers the target, and without what stands behind it.
 `hue`: how alike the target in full view, and boxes beside it, are to its first frame in each channel of RGB and HSV.
 `background`: the episodes after Lee et al. 2012 that `lee2012` loses by day, each changed in one thing at a time.
+`taught`: `lee2012` with several settings in these recordings, taught by its own estimates or by the true boxes.
 """
 
 from __future__ import annotations
@@ -88,6 +90,21 @@ METHOD_CHANGES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "first box with the legs together": {"narrow": True},
     }
 )
+FROM_BOX: Mapping[str, Any] = MappingProxyType({"start": "box", "resampling": "systematic"})
+SHARP: Mapping[str, Any] = MappingProxyType({"sigma_colour": 0.22, "sigma_hog": 0.22})
+FREE: Mapping[str, Any] = MappingProxyType({"anchored": False, "learned_sigma_colour": 0.15, "learned_sigma_hog": 0.15})
+LESSONS: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
+    ("lee2012-color", "paper", {}),
+    ("lee2012-color", "paper", SHARP),
+    ("lee2012-color-hog", "paper", {}),
+    ("lee2012-color-hog", "paper", SHARP),
+    ("lee2012", "paper", {}),
+    ("lee2012", "paper", FROM_BOX),
+    ("lee2012", "default", {**FREE, "memory": "sliding"}),
+    ("lee2012", "default", FREE),
+    ("lee2012", "default", {}),
+)
+"""Methods, presets and changed parameters of `taught`."""
 
 
 def frames(
@@ -292,30 +309,45 @@ def ko2012_overlaps(scenario: str, seed: int) -> list[float]:
 Episode: TypeAlias = list[tuple[NDArray[np.uint8], Any]]
 
 
-def followed(episode: Episode, seed: int, *, taught: bool = False, narrow: bool = False, **params: Any) -> float:
-    """Share of frames in which `lee2012` overlaps the true box by a half.
+def followed(
+    episode: Episode,
+    seed: int,
+    *,
+    method: str = "lee2012",
+    preset: str = "default",
+    taught: bool = False,
+    narrow: bool = False,
+    **params: Any,
+) -> tuple[float, float]:
+    """Share of frames in which `method` overlaps the true box by a half, and the spread of its particles.
 
-    `taught`: it learns from the true boxes. `narrow`: its first box is as wide as the target with its legs together,
-    and its answers are widened to the shape of the true first box.
+    The spread is the median standard deviation of their centres across, in widths of the target. `taught`: the method
+    learns from the true boxes. `narrow`: its first box is as wide as the target with its legs together, and its answers
+    are widened to the shape of the true first box.
     """
     truth = np.array([one.box for _, one in episode])
     first = truth[0].copy()
     if narrow:
         first[2] = np.quantile(truth[:60, 2], 0.1)
         first[0] += 0.5 * (truth[0, 2] - first[2])
-    tracker = Taught(METHODS["lee2012"], Lee2012Parameters.from_preset("lee2012", "default", params), seed)
+    tracker = Taught(
+        METHODS[method], Lee2012Parameters.from_preset(method, preset, {**params, "particles": True}), seed
+    )
     tracker.init(episode[0][0], first)
-    answers = [first]
+    answers, spreads = [first], []
     for image, one in episode[1:]:
         tracker.teacher = np.array(one.box) if taught and one.visible_fraction > 0.3 else None
-        answers.append(np.asarray(tracker.update(image).box))
+        estimate = tracker.update(image)
+        answers.append(np.asarray(estimate.box))
+        assert estimate.particles is not None
+        spreads.append(np.std(estimate.particles[:, 0] + 0.5 * estimate.particles[:, 2]) / one.amodal_box[2])
     boxes = np.array(answers)
     if narrow:
         widths = boxes[:, 3] * truth[0, 2] / truth[0, 3]
         boxes[:, 0] += 0.5 * (boxes[:, 2] - widths)
         boxes[:, 2] = widths
     overlap = frame_scores(boxes, truth).overlap
-    return success_rate(overlap[counted_frames([one.scored for _, one in episode])])
+    return success_rate(overlap[counted_frames([one.scored for _, one in episode])]), float(np.median(spreads))
 
 
 def background(episodes: Mapping[str, Iterable[int]], changes: Mapping[str, Any]) -> Iterator[str]:
@@ -325,27 +357,47 @@ def background(episodes: Mapping[str, Iterable[int]], changes: Mapping[str, Any]
     for scenario, seed in named:
         for name, given in CHANGES.items():
             episode = list(frames(scenario, seed, {**changes, **given}))
-            rows.setdefault(name, []).append(followed(episode, seed))
+            rows.setdefault(name, []).append(followed(episode, seed)[0])
             if not given:
                 for how, params in METHOD_CHANGES.items():
-                    rows.setdefault(how, []).append(followed(episode, seed, **params))
+                    rows.setdefault(how, []).append(followed(episode, seed, **params)[0])
         for contrast in (0.5, 0.0):
             episode = list(frames(scenario, seed, changes, contrast))
-            rows.setdefault(f"contrast of the background x {contrast}", []).append(followed(episode, seed))
+            rows.setdefault(f"contrast of the background x {contrast}", []).append(followed(episode, seed)[0])
     yield f"| changed | {' | '.join(f'{scenario}, {seed}' for scenario, seed in named)} | mean |"
     yield f"| {' | '.join(['---'] * (len(named) + 2))} |"
     for name, shares in rows.items():
         yield f"| {name} | {' | '.join(f'{100 * share:.0f}' for share in [*shares, float(np.mean(shares))])} |"
 
 
+def taught(episodes: Mapping[str, Iterable[int]], changes: Mapping[str, Any]) -> Iterator[str]:
+    """Lines of a table: per cent of frames tracked and spread of the particles, by what the method learns from."""
+    found: list[list[list[float]]] = [[] for _ in LESSONS]
+    for scenario, seeds in episodes.items():
+        for seed in seeds:
+            episode = list(frames(scenario, seed, changes))
+            for rows, (method, preset, params) in zip(found, LESSONS, strict=True):
+                row = [*followed(episode, seed, method=method, preset=preset, **params)]
+                if METHODS[method].learns:
+                    row.append(followed(episode, seed, method=method, preset=preset, taught=True, **params)[0])
+                rows.append(row)
+    yield "| | spread of the particles [widths of the target] | own estimates | true boxes |"
+    yield "| --- | --- | --- | --- |"
+    for rows, (method, preset, params) in zip(found, LESSONS, strict=True):
+        given = ",".join([f"preset={preset}", *(f"{name}={value}" for name, value in params.items())])
+        own, spread, *true = np.mean(rows, axis=0)
+        shares = [f"{100 * share:.0f}" for share in (own, *true)]
+        yield f"| `{method}[{given}]` | {spread:.2f} | {' | '.join([*shares, '-'][:2])} |"
+
+
 def main() -> None:
     """Draw one of the pictures, or print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("walking-off", "learning", "noise", "causes", "hue", "background"))
+    parser.add_argument("what", choices=("walking-off", "learning", "noise", "causes", "hue", "background", "taught"))
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", help="file of the picture")
     parser.add_argument("--episodes", nargs="+", metavar="SCENARIO:SEED,SEED", help="of a table, but `noise`")
-    parser.add_argument("--seconds", type=float, default=11.0, help="length of an episode of `background`")
+    parser.add_argument("--seconds", type=float, default=11.0, help="length of an episode of `background` and `taught`")
     given = parser.parse_args()
     parts = [one.partition(":") for one in given.episodes or ()]
     episodes = {scenario: [int(seed) for seed in seeds.split(",")] for scenario, _, seeds in parts}
@@ -355,6 +407,9 @@ def main() -> None:
         "causes": lambda: causes(episodes or {video: [0, 1, 2] for video in videos}),
         "hue": lambda: hue(episodes or {video: [0, 1, 2] for video in videos}),
         "background": lambda: background(episodes or LOST, {"duration_s": given.seconds}),
+        "taught": lambda: taught(
+            episodes or {f"lee2012/0{number}": [0, 1] for number in range(1, 9)}, {"duration_s": given.seconds}
+        ),
     }
     if given.what in tables:
         for line in tables[given.what]():

@@ -63,6 +63,18 @@ def test_the_table_has_a_line_for_each_change(evidence: Any):
 
 
 @pytest.mark.slow
+def test_only_methods_that_learn_are_taught_and_a_smaller_sigma_keeps_particles_together(evidence: Any):
+    few = {"duration_s": 2.0, "camera.width_px": 160, "camera.height_px": 120}
+    _, _, *rows = evidence.taught({"lee2012/01": (0,)}, few)
+    cells = {row.split("`")[1]: row.strip("| ").split(" | ")[1:] for row in rows}
+    assert len(cells) == len(evidence.LESSONS)
+    assert all((true == "-") == (not name.startswith("lee2012[")) for name, (*_, true) in cells.items())
+    assert any(own != true != "-" for _, own, true in cells.values())
+    color, sharp = "lee2012-color[preset=paper]", "lee2012-color[preset=paper,sigma_colour=0.22,sigma_hog=0.22]"
+    assert float(cells[sharp][0]) < float(cells[color][0])
+
+
+@pytest.mark.slow
 def test_causes_has_two_presets_by_four_changes_and_a_box_of_fixed_size(evidence: Any, monkeypatch: pytest.MonkeyPatch):
     real = evidence.frames
     short = {"duration_s": 0.3, "camera.width_px": 160, "camera.height_px": 120}
