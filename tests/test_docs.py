@@ -13,6 +13,7 @@ import typer
 from blocks import blocks, run_page
 from pictures import PICTURES, TUTORIALS
 from plots import PLOTS, draw
+from robots import SIZE, views
 
 from pftrack_sim import scenario
 from pftrack_sim.cli.app import app
@@ -72,6 +73,14 @@ def test_plots_of_results_are_those_of_their_tables(tmp_path: Path):
     starts = [int(re.findall(r'viewBox="(-?\d+) ', one)[0]) for one in (text, wide)]
     assert starts[0] == 0
     assert starts[1] < 184 - 12 - 7 * len("best[long=]" + 20 * "x"), "a long name has room"
+
+
+def test_a_robot_is_drawn_from_outside_and_what_it_sees_below(tmp_path: Path):
+    file = tmp_path / "plaza.toml"
+    file.write_text('extends = "follow/plaza"\n', encoding="utf-8")
+    sheet = views(file)
+    assert sheet.shape == (2 * SIZE[1], SIZE[0], 3)
+    assert sheet[: SIZE[1]].std() > 20 < sheet[SIZE[1] :].std()
 
 
 def test_code_blocks_are_of_languages_that_are_run():

@@ -17,6 +17,7 @@ import numpy as np
 import tomli_w
 
 from pftrack_sim import scenario
+from pftrack_sim.camera.pinhole import intrinsics
 from pftrack_sim.render.renderer import open_renderer
 from pftrack_sim.simulation.simulation import Simulation
 
@@ -117,7 +118,7 @@ def views(file: Path) -> np.ndarray:
         pose = np.eye(4)
         pose[:3] = np.column_stack([right, np.cross(forward, right), forward, eye])
         with open_renderer(world.model, *SIZE) as renderer:
-            outside = renderer.color(world.data, pose, np.deg2rad(42.0))
+            outside = renderer.color(world.data, pose, intrinsics(*SIZE, np.deg2rad(42.0)))
         return np.concatenate([outside, frame.image])
 
 
