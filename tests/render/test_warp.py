@@ -12,6 +12,7 @@ import pytest
 
 from pftrack_sim.core.errors import ParameterError, RenderError, UnknownNameError
 from pftrack_sim.render import renderer as renderers
+from pftrack_sim.render.renderer import sky_material
 from pftrack_sim.scenario import load, names
 from pftrack_sim.simulation.simulation import Simulation
 from tests.fresh_process import printed
@@ -57,15 +58,17 @@ def test_colours_are_close_to_opengl(pair):
         assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 1.5
 
 
-def test_bright_lights_saturate_as_in_opengl(pair):
+def test_bright_lights_and_skies_saturate_as_in_opengl(pair):
     simulation, caster = pair
     world, K = simulation.world, simulation._camera.K
-    kept = world.model.light_diffuse.copy()
+    kept, kept_emission = world.model.light_diffuse.copy(), world.model.mat_emission.copy()
     world.model.light_diffuse[:] *= 2.5
+    if (sky := sky_material(world.model)) >= 0:
+        world.model.mat_emission[sky] = 1.6
     ours, theirs = (
         one.color(world.data, world.camera_pose(), K).astype(float) for one in (caster, simulation._camera.renderer)
     )
-    world.model.light_diffuse[:] = kept
+    world.model.light_diffuse[:], world.model.mat_emission[:] = kept, kept_emission
     assert np.abs(ours.mean(axis=(0, 1)) - theirs.mean(axis=(0, 1))).max() < 2.5
 
 

@@ -129,7 +129,7 @@ def color_at(
             color = appearance.sky_brightness * caster.sample_skybox(
                 textures[appearance.sky], 1.0 / float(appearance.sky_width), direction
             )
-        return color
+        return wp.min(color, wp.vec3(1.0))
     rotation = geoms.rotation[0, geom]
     face_normal = normal
     if mesh >= 0 and face >= 0:
