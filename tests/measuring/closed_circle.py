@@ -112,7 +112,7 @@ def write_imu(path: Path, poses: np.ndarray, seed: int, *, accelerometer: bool =
 def level_of(found: Measured, name: str, wanted: float) -> tuple[float, bool | None]:
     """Measured over true, and whether the interval holds the true level; None where it was left out."""
     one = next((one for one in found.quantities if one.name == name), None)
-    return (np.nan, None) if one is None else (one.value / wanted, one.low <= wanted <= one.high)
+    return (np.nan, None) if one is None else (one.value / wanted, bool(one.low <= wanted <= one.high))
 
 
 KINDS: Sequence[tuple[str, Mapping[str, Any], int | None]] = (
