@@ -1,4 +1,4 @@
-"""Pinhole camera: intrinsics, normalized image coordinates and the OpenGL frustum.
+"""Pinhole camera: intrinsics and normalized image coordinates.
 
 Pixel (row i, column j) covers [j, j+1) x [i, i+1), so the principal point of a centred camera is (W/2, H/2). Camera
 axes as in OpenCV: x right, y down, z forward. Normalized image coordinates of a point are (x/z, y/z).
@@ -7,7 +7,7 @@ axes as in OpenCV: x right, y down, z forward. Normalized image coordinates of a
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,17 +16,6 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray
 
 Intrinsics: TypeAlias = tuple[float, float, float, float]  # Focal lengths fx, fy and principal point cx, cy [px]
-
-
-class Frustum(NamedTuple):
-    """View frustum of OpenGL: sides on the near plane with y up, and distances of the planes [m]."""
-
-    left: float
-    right: float
-    bottom: float
-    top: float
-    near: float
-    far: float
 
 
 def intrinsics(width_px: int, height_px: int, fovy_rad: float) -> FloatArray:
@@ -59,22 +48,3 @@ def focal_and_centre(K: ArrayLike) -> Intrinsics:
     if skew != 0.0 or not (fx > 0.0 and fy > 0.0):
         raise ParameterError(f"K must have focal lengths > 0 and no skew, got {matrix.tolist()}")
     return fx, fy, cx, cy
-
-
-def frustum(intrinsics: Intrinsics, width_px: int, height_px: int, near_m: float, far_m: float) -> Frustum:
-    """Frustum that renders the image of a pinhole camera.
-
-    Raises:
-        ParameterError: Not 0 < near < far.
-    """
-    if not 0.0 < near_m < far_m:
-        raise ParameterError(f"0 < near < far is needed, got near={near_m}, far={far_m}")
-    fx, fy, cx, cy = intrinsics
-    return Frustum(
-        left=-cx / fx * near_m,
-        right=(width_px - cx) / fx * near_m,
-        bottom=-(height_px - cy) / fy * near_m,
-        top=cy / fy * near_m,
-        near=near_m,
-        far=far_m,
-    )

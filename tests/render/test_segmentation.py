@@ -90,6 +90,7 @@ def test_hidden_and_fully_transparent_geoms_are_not_drawn():
 def test_geoms_are_drawn_where_the_camera_matrix_projects_them():
     """A camera with unequal focal lengths and an off-centre principal point."""
     spec = new_spec()
+    spec.visual.headlight.active = 1
     spots = np.random.default_rng(6).uniform([3, -0.9, 0.4], [6, 0.9, 2.0], size=(16, 3))
     for index, spot in enumerate(spots):
         spec.worldbody.add_body(name=f"ball-{index}", pos=spot).add_geom(size=[0.03, 0, 0])
@@ -99,6 +100,8 @@ def test_geoms_are_drawn_where_the_camera_matrix_projects_them():
     pose, odd = looking((0, 0, 1.2), (5, 0, 1.0), roll=0.3), intrinsics(WIDTH, HEIGHT, 0.9)
     odd[0, 0], odd[0, 2], odd[1, 2] = 1.4 * odd[0, 0], 100.25, 140.5
     ids = Segmenter(model).segment(view_of(data, pose, odd), IMAGE).ids
+    with Rasteriser(model, WIDTH, HEIGHT) as renderer:
+        assert (renderer.color(data, pose, odd).any(axis=2) == (ids >= 0)).mean() > 0.998
     local = (np.array(spots) - pose[:3, 3]) @ pose[:3, :3]
     pixels = local[:, :2] / local[:, 2:] * odd[(0, 1), (0, 1)] + odd[:2, 2]
     found = 0

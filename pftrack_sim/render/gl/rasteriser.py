@@ -14,7 +14,6 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pftrack_sim.camera.pinhole import frustum
 from pftrack_sim.core.errors import RenderError
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import FloatArray, IntArray
@@ -195,12 +194,14 @@ class _Scene:
         return geoms[shown]
 
     def _place_camera(self, view: View, size: tuple[int, int]) -> None:
-        pose, sides = view.T_world_camera, frustum(view.intrinsics, *size, *self._clip_m)
+        pose, (fx, fy, cx, cy), (near, far) = view.T_world_camera, view.intrinsics, self._clip_m
+        left, right = -cx / fx * near, (size[0] - cx) / fx * near
         for eye in self._eyes:
             eye.pos[:], eye.forward[:], eye.up[:] = pose[:3, 3], pose[:3, 2], -pose[:3, 1]
-            eye.frustum_center, eye.frustum_width = 0.5 * (sides.left + sides.right), 0.5 * (sides.right - sides.left)
-            eye.frustum_bottom, eye.frustum_top = sides.bottom, sides.top
-            eye.frustum_near, eye.frustum_far = sides.near, sides.far
+            eye.frustum_center, eye.frustum_width = 0.5 * (left + right), 0.5 * (right - left)
+            # OpenGL's y points up.
+            eye.frustum_bottom, eye.frustum_top = -(size[1] - cy) / fy * near, cy / fy * near
+            eye.frustum_near, eye.frustum_far = near, far
             eye.orthographic = 0
 
     def update_sky(self) -> None:
