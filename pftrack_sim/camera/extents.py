@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.camera.pinhole import Intrinsics, focal_and_centre
 from pftrack_sim.core.compiled import kernel
-from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.types import FloatArray, IntArray
 
 CORNERS: FloatArray = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
@@ -26,18 +25,9 @@ class Bodies:
 
     Args:
         bodies: `(V, 3)` vertices of each body's parts [m], in the frame of the part; at least one part per body.
-
-    Raises:
-        ParameterError: A body without parts, or a part without vertices.
     """
 
     def __init__(self, bodies: Sequence[Sequence[FloatArray]]) -> None:
-        for index, parts in enumerate(bodies):
-            if not parts:
-                raise ParameterError(f"body {index} has no parts to project")
-            for vertices in parts:
-                if vertices.ndim != 2 or vertices.shape[0] < 1 or vertices.shape[1] != 3:
-                    raise ParameterError(f"a part needs vertices of shape (V, 3), V >= 1, got {vertices.shape}")
         self._ends = np.cumsum([0, *(len(parts) for parts in bodies)])
         self.starts: IntArray = self._ends[:-1]
         """`(B,)` index of each body's first part."""
@@ -62,10 +52,8 @@ class Bodies:
             smallest and largest depth of each body [m]; `(B,)` height of its lowest point [m].
 
         Raises:
-            ParameterError: An invalid camera matrix, or `near_m` is not positive.
+            ParameterError: An invalid camera matrix.
         """
-        if not near_m > 0.0:
-            raise ParameterError(f"near_m must be > 0, got {near_m}")
         # Copies: for arrays that are read-only, the kernel would be compiled once more.
         places, turned = np.array(positions, dtype=np.float64), np.array(rotations, dtype=np.float64)
         pose = np.array(T_world_camera, dtype=np.float64, order="C")

@@ -7,7 +7,6 @@ import pytest
 
 from pftrack_sim.camera.extents import CORNERS, Bodies
 from pftrack_sim.camera.pinhole import intrinsics
-from pftrack_sim.core.errors import ParameterError
 
 NEAR = 0.05
 K = intrinsics(640, 480, 0.9)
@@ -126,20 +125,6 @@ def test_arguments_are_not_changed():
     kept = [array.copy() for array in (positions, turns, pose)]
     Bodies([[CORNERS]]).boxes(positions, turns, pose, K, NEAR)
     assert all(np.array_equal(a, b) for a, b in zip(kept, (positions, turns, pose), strict=True))
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda: Bodies([[np.empty((0, 3))]]),
-        lambda: Bodies([[np.zeros((3, 2))]]),
-        lambda: Bodies([[CORNERS], []]),
-        lambda: Bodies([[CORNERS]]).boxes(np.zeros((1, 3)), np.eye(3)[None], EYE, K, 0.0),
-    ],
-)
-def test_invalid_parts_and_planes_raise(call):
-    with pytest.raises(ParameterError):
-        call()
 
 
 def test_the_lowest_point_is_that_of_all_vertices():
