@@ -248,10 +248,10 @@ def _along(poses: FloatArray, index: int, axis: int, geom: int, x: float, y: flo
 def _project(x: float, y: float, lens: LensNumbers) -> tuple[float, float]:
     """Pixel of a ray; beyond the radius of the lens it moves on along its tangent."""
     fx, fy, cx, cy = lens[:4]
+    aside = math.sqrt(x * x + y * y)
     if lens[13] > 0.0:
-        return _project_equidistant(x, y, lens)
-    radius = lens[12]
-    beyond = max(1.0, math.sqrt(x * x + y * y) / radius)
+        return _project_angle(x, y, aside, math.atan(aside), lens)
+    beyond = max(1.0, aside / lens[12])
     inside_x, inside_y = x / beyond, y / beyond
     across, down = _distort(inside_x, inside_y, lens)
     if beyond > 1.0:
@@ -263,15 +263,11 @@ def _project(x: float, y: float, lens: LensNumbers) -> tuple[float, float]:
 
 
 @part_of_kernel
-def _project_equidistant(x: float, y: float, lens: LensNumbers) -> tuple[float, float]:
-    """Pixel of a ray through a lens whose image height is a polynomial of the angle; beyond its limit it is linear."""
-    radius = math.sqrt(x * x + y * y)
-    return _project_angle(x, y, radius, math.atan(radius), lens)
-
-
-@part_of_kernel
 def _project_angle(x: float, y: float, radius: float, angle: float, lens: LensNumbers) -> tuple[float, float]:
-    """Pixel of a ray at an angle to the axis, which lies at x and y beside it, at the distance `radius` from it."""
+    """Pixel of a ray at an angle to the axis, which lies at x and y beside it, at the distance `radius` from it.
+
+    The image height of an equidistant lens is a polynomial of the angle; beyond its limit it is linear.
+    """
     fx, fy, cx, cy, k1, k2, k3, k4 = lens[:8]
     inside = min(angle, lens[12])
     square = inside * inside
