@@ -34,17 +34,12 @@ class Renderer(ABC):
 
     Attributes:
         description: Library, graphics card and version, in one line.
-
-    Raises:
-        ParameterError: An empty image.
     """
 
     description: str
 
     def __init__(self, width_px: int, height_px: int) -> None:
-        if width_px < 1 or height_px < 1:
-            raise ParameterError(f"an image needs a width and height >= 1, got {width_px} x {height_px}")
-        self.width_px, self.height_px = int(width_px), int(height_px)
+        self.width_px, self.height_px = width_px, height_px
 
     @abstractmethod
     def color(
@@ -90,11 +85,7 @@ def warp_installed() -> bool:
 def open_renderer(model: Any, width_px: int, height_px: int, backend: str | None = None) -> Renderer:
     """Open a renderer of a model with an image of this width and height.
 
-    Args:
-        model: What to draw.
-        width_px: Image width.
-        height_px: Image height.
-        backend: One of `NAMES`; None takes OpenGL where a library can draw, else the ray caster where it is installed.
+    `backend` is one of `NAMES`; None takes OpenGL where a library can draw, else the ray caster where it is installed.
 
     Raises:
         UnknownNameError: No such renderer.

@@ -49,22 +49,13 @@ class Rasteriser(Renderer):
     Args:
         model: What to draw. Its `vis` settings hold for multisampling, shadow size, near and far plane; its
             off-screen size is ignored.
-        width_px: Image width.
-        height_px: Image height.
         context: The OpenGL context; None takes that of the thread.
 
     Raises:
-        ParameterError: An empty image.
         RenderError: No OpenGL library can draw.
     """
 
-    def __init__(
-        self,
-        model: mujoco.MjModel,
-        width_px: int,
-        height_px: int,
-        context: GLContext | None = None,
-    ) -> None:
+    def __init__(self, model: mujoco.MjModel, width_px: int, height_px: int, context: GLContext | None = None) -> None:
         super().__init__(width_px, height_px)
         self._context = context or open_context()
         self.info = self._context.info

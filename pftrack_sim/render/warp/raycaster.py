@@ -29,11 +29,8 @@ class Raycaster(Renderer):
 
     Args:
         model: What to draw. Its `vis` settings hold for multisampling and the near and far plane.
-        width_px: Image width.
-        height_px: Image height.
 
     Raises:
-        ParameterError: An empty image.
         RenderError: A geom that cannot be drawn: a height field or a signed distance field.
     """
 
