@@ -158,11 +158,8 @@ class CommandDelay:
     """Delays commands by a constant latency, rounded to physics steps; until the first one arrives, speeds are zero."""
 
     def __init__(self, clock: Clock, latency_ms: float) -> None:
-        self._clock = clock
-        self._latency_steps = round(1e-3 * latency_ms / clock.step_s)
-        self._last = _AT_REST
-        self._queue: deque[tuple[int, Speeds]] = deque()
-        self._append(self._latency_steps, _AT_REST)
+        self._clock, self._last = clock, _AT_REST
+        self._queue = deque([(round(1e-3 * latency_ms / clock.step_s), _AT_REST)])
 
     def segments(self, speeds: Speeds, delay_s: float = 0.0) -> list[tuple[int, Speeds]]:
         """Take the command of a tick, and return what reaches the motors during the tick.
@@ -172,24 +169,19 @@ class CommandDelay:
         Returns:
             Numbers of physics steps, which sum to those of a tick, each with the command in force.
         """
-        delay = min(round(delay_s / self._clock.step_s), self._clock.steps)
-        self._append(delay, self._last)
-        self._append(self._clock.steps - delay, speeds)
-        if delay < self._clock.steps:
+        missing = self._clock.steps
+        delay = min(round(delay_s / self._clock.step_s), missing)
+        self._queue += [(delay, self._last), (missing - delay, speeds)]
+        if delay < missing:
             self._last = speeds
         segments: list[tuple[int, Speeds]] = []
-        missing = self._clock.steps
         while missing > 0:
             steps, first = self._queue.popleft()
             if steps > missing:
                 self._queue.appendleft((steps - missing, first))
             segments.append((min(steps, missing), first))
             missing -= segments[-1][0]
-        return segments
-
-    def _append(self, steps: int, speeds: Speeds) -> None:
-        if steps > 0:
-            self._queue.append((steps, speeds))
+        return [segment for segment in segments if segment[0] > 0]
 
 
 class _RobotAlone:
