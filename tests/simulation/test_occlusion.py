@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pftrack_sim.agents.path import Path
-from pftrack_sim.agents.pedestrians.crossing import Crossing
+from pftrack_sim.agents.pedestrians.crossing import Crossing, covered_by_person
 from pftrack_sim.agents.pedestrians.crowd import Crowd
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.core.errors import ParameterError
@@ -21,7 +21,7 @@ from pftrack_sim.scene.occluders import CART_HALF_THICKNESS_M, Placement, add_st
 from pftrack_sim.scene.scene_spec import SceneSpec
 from pftrack_sim.simulation.dry_run import DryRun
 from pftrack_sim.simulation.occlusion import static
-from pftrack_sim.simulation.occlusion.moving import cart_height_m, covered_by_person, plan_crossing
+from pftrack_sim.simulation.occlusion.moving import cart_height_m, plan_crossing
 from pftrack_sim.simulation.occlusion.static import covered_by_box, plan_static, spans
 
 TICK_S = 1.0 / 60.0

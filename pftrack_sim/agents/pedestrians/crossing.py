@@ -22,7 +22,7 @@ import numpy as np
 from pftrack_sim.agents.pedestrians.avoidance import BARRIER_RATE_S, WALL_DISTANCE_M
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap, Xy
 from pftrack_sim.agents.pedestrians.target import Walk
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import BoolArray, FloatArray
 
 WALKER_HALF_WIDTH_M = 0.22  # Effective half width of a person, averaged over viewing directions.
 CAMERA_DISTANCE_M = 0.75  # Least distances along the line of sight from the camera and from the target.
@@ -355,6 +355,18 @@ def at_different_depths(crossings: Sequence[Crossing]) -> tuple[Crossing, ...]:
             depth = float(min(options, key=lambda d: abs(d - crossing.depth))) if options else depth
         kept.append(replace(crossing, depth=depth))
     return tuple(kept)
+
+
+def covered_by_person(
+    camera_m: FloatArray, target_m: FloatArray, person_m: FloatArray, half_width_m: float
+) -> BoolArray:
+    """`(..., T)` whether a person at `(..., T, 2)`, of a half width, is between camera and target `(T, 2)`."""
+    sight = target_m - camera_m
+    distance = np.maximum(np.hypot(*sight.T), 1e-9)
+    offset = person_m - camera_m
+    along = (offset * sight).sum(axis=-1) / distance
+    across = (sight[:, 0] * offset[..., 1] - sight[:, 1] * offset[..., 0]) / distance
+    return (np.abs(across) <= half_width_m) & (along > 0.0) & (along < distance)
 
 
 def outside_circle(point_m: Xy, centre_m: Sequence[float], radius_m: float) -> Xy:

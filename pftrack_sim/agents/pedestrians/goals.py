@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.avoidance import Movers
+from pftrack_sim.agents.pedestrians.crossing import covered_by_person
 from pftrack_sim.agents.pedestrians.obstacle_map import ROUTE_CLEARANCE_M, ObstacleMap, VisibilityGraph
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.layout import WalkableArea
@@ -187,12 +188,9 @@ class PaceChanges:
         self.factors = factors
         factors[:] = 1.0
         self._until_s = [self._walk_s(rng) for rng in rngs]
-        self._next_s = min(self._until_s, default=np.inf)
 
     def update(self, time_s: float) -> None:
         """Advance to a time."""
-        if time_s < self._next_s:
-            return
         for person, rng in enumerate(self._rngs):
             if time_s < self._until_s[person]:
                 continue
@@ -202,10 +200,9 @@ class PaceChanges:
             else:
                 self.factors[person] = rng.uniform(*_PACE)
                 self._until_s[person] = time_s + self._walk_s(rng)
-        self._next_s = min(self._until_s, default=np.inf)
 
     def _walk_s(self, rng: np.random.Generator) -> float:
-        return float(rng.exponential(self._mean_s)) if np.isfinite(self._mean_s) else np.inf
+        return float(rng.exponential(self._mean_s))
 
 
 class GoalSampler:
@@ -283,12 +280,7 @@ class GoalSampler:
         length = np.hypot(*offset.T) + 1e-9
         straight_on = (offset @ velocity_m_s) / (length * max(float(np.hypot(*velocity_m_s)), 1e-6))
         walked = np.minimum(_OFF_SPEED_M_S * np.array(PREDICTION_TIMES_S), length[:, None]) / length[:, None]
-        from_camera = position_m + walked[..., None] * offset[:, None] - camera_m
-        sight = target_m - camera_m
-        distance = np.maximum(np.hypot(*sight.T), 1e-6)
-        along = (from_camera * sight).sum(axis=2) / distance
-        across = (sight[:, 0] * from_camera[..., 1] - sight[:, 1] * from_camera[..., 0]) / distance
-        between = (np.abs(across) < 0.5) & (along > 0.0) & (along < distance)
+        between = covered_by_person(camera_m, target_m, position_m + walked[..., None] * offset[:, None], 0.5)
         score = straight_on - 4.0 * between.mean(axis=1) - 2.0 * (length < 2.5)
         best = goals[np.argsort(-score, kind="stable")[:8]]
         return self._first_route(position_m, [goal for goal in best if self._free(goal)])

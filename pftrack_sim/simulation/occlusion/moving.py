@@ -12,10 +12,15 @@ from typing import Literal
 
 import numpy as np
 
-from pftrack_sim.agents.pedestrians.crossing import WALKER_HALF_WIDTH_M, Crossing, crossing_track
+from pftrack_sim.agents.pedestrians.crossing import (
+    WALKER_HALF_WIDTH_M,
+    Crossing,
+    covered_by_person,
+    crossing_track,
+)
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
 from pftrack_sim.core.errors import ParameterError
-from pftrack_sim.core.types import BoolArray, FloatArray
+from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario import model
 from pftrack_sim.scenario.axes import OcclusionAxis
 from pftrack_sim.scene.layout import WalkableArea
@@ -261,15 +266,3 @@ def _apparent_half_width(crossing: Crossing, run: DryRun) -> float:
     cosines: FloatArray = np.abs(products) / np.maximum(lengths, 1e-9)
     cos = min(float(cosines.mean()), 1.0)
     return float(np.hypot(_SHOULDERS_M * cos, _CHEST_M * np.sqrt(1.0 - cos * cos)))
-
-
-def covered_by_person(
-    camera_m: FloatArray, target_m: FloatArray, person_m: FloatArray, half_width_m: float
-) -> BoolArray:
-    """`(T,)` whether a person at `(T, 2)` of a given apparent half width is between camera and target `(T, 2)`."""
-    sight = target_m - camera_m
-    distance = np.maximum(np.hypot(*sight.T), 1e-9)
-    offset = person_m - camera_m
-    along = (offset * sight).sum(axis=1) / distance
-    across = (sight[:, 0] * offset[:, 1] - sight[:, 1] * offset[:, 0]) / distance
-    return (np.abs(across) <= half_width_m) & (along > 0.0) & (along < distance)
