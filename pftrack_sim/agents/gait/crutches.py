@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pftrack_sim.agents.gait.mobility import rotation
+from pftrack_sim.agents.gait.mobility import rotation, smooth_step
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.people.anatomy import Anatomy
@@ -69,7 +69,7 @@ class Crutches:
                 self._from = ahead if dt_s == 0.0 else self._tips - ankle
             phase = (person.phase + 0.5 * _INVOLVED) % 1.0
             share = min(max(phase - foot.toe_off_phase, 0.0) / (1.0 - foot.toe_off_phase), 1.0)
-            self._tips = ankle + self._from + share * share * (3.0 - 2.0 * share) * (ahead - self._from)
+            self._tips = ankle + self._from + smooth_step(share) * (ahead - self._from)
             self._tips[:, 2] += self._lift_m * math.sin(math.pi * share)
         self._stood = stands
 

@@ -99,7 +99,7 @@ class Rider:
 
     def _sit(self, person: Any, feet: Any) -> None:
         """Set the hips, and the feet below them."""
-        table, down = self._table, _smooth(self._down)
+        table, down = self._table, smooth_step(self._down)
         riding, standing = np.array(table["hips_m"]), np.array(table.get("standing_m", table["hips_m"]))
         ahead_m, up_m = self._scale * (riding + down * (standing - riding))
         sine = self._frame[2, 1]
@@ -148,7 +148,7 @@ class Rider:
             x, up, pitch = first_m - way_m, 0.0, -0.5 * share**3
         else:
             share = (way_m - ground_m) / (period_m - ground_m)
-            back = 1.0 - _smooth(share)
+            back = 1.0 - smooth_step(share)
             x, up, pitch = first_m - ground_m * back, 0.16 * k * math.sin(math.pi * share) ** 0.8, -0.5 * back
         rise = self._body.foot_m * 0.5 * math.sin(-pitch)
         return np.array([x, aside, ankle_m + up + rise]), pitch
@@ -165,7 +165,7 @@ class Rider:
                 angle, out = first + way_m / wheel.radius_m, 0.0
             else:
                 share = (way_m - on_m) / (period_m - on_m)
-                angle, out = last - (last - first) * _smooth(share), 0.05 * k * math.sin(math.pi * share)
+                angle, out = last - (last - first) * smooth_step(share), 0.05 * k * math.sin(math.pi * share)
             aside, reach = wheel.at_m[1] + outward, rim_m + out
             left = np.array([reach * math.sin(angle), aside + out, wheel.at_m[2] + reach * math.cos(angle)])
         else:
@@ -187,5 +187,6 @@ def rotation(yaw: float, roll: float, pitch: float = 0.0) -> FloatArray:
     ])  # fmt: skip
 
 
-def _smooth(share: float) -> float:
+def smooth_step(share: float) -> float:
+    """From 0 to 1, at rest at both ends."""
     return share * share * (3.0 - 2.0 * share)
