@@ -27,15 +27,11 @@ Drawing = Callable[[Stage], Rasteriser]
 
 PLACES = [name for name in scenario.names() if name.startswith("easy/")]
 """One scenario for each place; the suites use the same places."""
-CALM: dict[str, Any] = {
-    "camera.width_px": 160,
-    "camera.height_px": 120,
-    "lights.shadows": False,
-    "distractors.count": 0,
-    "occluders": [],
-    "jitter.angular_rms_deg": 0.0,
-    "jitter.translational_rms_mm": 0.0,
-}
+SMALL: dict[str, Any] = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadows": False}
+TINY: dict[str, Any] = {"camera.width_px": 96, "camera.height_px": 72, "lights.shadows": False}
+ALONE: dict[str, Any] = {"distractors.count": 0, "occluders": []}
+"""Nobody and nothing but the target."""
+CALM: dict[str, Any] = {**SMALL, **ALONE, "jitter.angular_rms_deg": 0.0, "jitter.translational_rms_mm": 0.0}
 """Nobody and nothing but the target, seen by a small steady camera."""
 SMALL_WALK: dict[str, Any] = {
     "extends": "plaza-walk",

@@ -7,19 +7,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from observing import TINY
 
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX
 from pftrack_sim.core.records import Truth
 from pftrack_sim.wrappers import SENSES, BoxObservation
 
-SMALL: dict[str, Any] = {
-    "camera.width_px": 96,
-    "camera.height_px": 72,
-    "lights.shadows": False,
-    "duration_s": 1,
-    "distractors.count": 0,
-}
+SMALL = {**TINY, "duration_s": 1, "distractors.count": 0}
 STILL = np.zeros(4, np.float32)
 
 

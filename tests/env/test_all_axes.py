@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from observing import TINY
 
 from pftrack_sim import scenario
 from pftrack_sim.core import boxes
@@ -15,13 +16,7 @@ from pftrack_sim.core.records import Frame
 from pftrack_sim.scenario.axes import axes_by_name
 from pftrack_sim.simulation.simulation import Simulation
 
-SMALL: dict[str, Any] = {
-    "camera.width_px": 96,
-    "camera.height_px": 72,
-    "camera.rate_hz": 10.0,
-    "lights.shadows": False,
-    "duration_s": 0.5,
-}
+SMALL = {**TINY, "camera.rate_hz": 10.0, "duration_s": 0.5}
 PARAMETERS: dict[str, dict[str, Any]] = {
     "jitter": {"wind_rms_deg": 2.0},
     "occlusion": {"kind": "stranger", "end_s": 3.0},

@@ -16,14 +16,7 @@ from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.simulation.world import World
 
 RATE_HZ = 12.5
-SMALL: dict[str, Any] = {
-    "camera.width_px": 160,
-    "camera.height_px": 120,
-    "camera.rate_hz": RATE_HZ,
-    "lights.shadows": False,
-    "distractors.count": 0,
-    "occluders": [],
-}
+SMALL = {**observing.SMALL, **observing.ALONE, "camera.rate_hz": RATE_HZ}
 
 ON_CRUTCHES: dict[str, Any] = {"target.uses": "crutches", "target.speed_m_s": 0.8}
 PACE: dict[str, Any] = {"kind": "pace", "at_s": 1.0}

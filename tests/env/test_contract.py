@@ -19,18 +19,12 @@ from pftrack_sim import scenario
 from pftrack_sim.core.errors import BoxError, CommandError, ParameterError, ScenarioError
 from pftrack_sim.core.records import Estimate
 from tests.fresh_process import printed
+from tests.observing import TINY
 
 IDS = ["pftrack_sim/Track-v0", "pftrack_sim/Follow-v0", "pftrack_sim/TrackAndFollow-v0"]
 # Worlds of suites' episodes are long in the making.
 NAMES = [pytest.param(name, marks=pytest.mark.slow) if "/" in name else name for name in scenario.names()]
-SMALL: dict[str, Any] = {
-    "camera.width_px": 96,
-    "camera.height_px": 72,
-    "lights.shadows": False,
-    "duration_s": 0.5,
-    "distractors.count": 1,
-    "occluders": [],
-}
+SMALL: dict[str, Any] = {**TINY, "duration_s": 0.5, "distractors.count": 1, "occluders": []}
 
 
 def make(env_id: str = IDS[0], name: str = "plaza-walk", **more: Any) -> gym.Env[Any, Any]:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from observing import PLACES
+from observing import ALONE, PLACES, SMALL
 
 from pftrack_sim import scenario
 from pftrack_sim.core.records import Frame
@@ -40,16 +40,9 @@ def test_oncoming_pedestrians_pass_at_the_requested_time_and_distance(name: str,
 
 
 def test_oncoming_pedestrians_are_visible_as_they_pass():
-    keys = {
-        "axes.distractors.count": 1,
-        "axes.distractors.where": "beside",
-        "axes.distractors.at_s": 2.0,
-        "distractors.count": 0,
-        "occluders": [],
-    }
-    small = {"camera.width_px": 160, "camera.height_px": 120}
+    keys = {f"axes.distractors.{key}": value for key, value in {"count": 1, "where": "beside", "at_s": 2.0}.items()}
     for name in PLACES:
-        with Simulation(scenario.load(name, {**BASE, **small, **keys}), image=False) as simulation:
+        with Simulation(scenario.load(name, {**SMALL, **ALONE, **keys}), image=False) as simulation:
             simulation.reset(3)
             for _ in range(59):
                 simulation.world.advance()
@@ -63,7 +56,7 @@ def test_pedestrians_pass_on_the_far_side_of_a_target_seen_from_the_side(side: s
     route = {"kind": "beside", "distance_m": 3.0, "side": side}
     axis = {f"axes.distractors.{key}": value for key, value in {"where": "beside", "count": 2, "at_s": 3.0}.items()}
     for seed in range(3):
-        keys = {**BASE, **axis, "robot.route": route, "distractors.count": 0, "occluders": [], "lights.shadows": False}
+        keys = {**BASE, **axis, **ALONE, "robot.route": route}
         world = World(scenario.load("easy/plaza-walk", keys).resolve(seed), seed, draws=False)
         passers = [index for index, person in enumerate(world.people) if person.startswith("passer")]
         for _ in range(90):
@@ -83,8 +76,7 @@ def test_severity_scales_the_number_of_pedestrians():
 @pytest.mark.parametrize("name", ["easy/plaza-walk", "easy/corridor"])
 def test_look_alikes_cross_the_line_of_sight_and_walk_on(name: str):
     keys = {f"axes.distractors.{key}": value for key, value in {"where": "across", "count": 1, "at_s": 2.5}.items()}
-    small = {"camera.width_px": 160, "camera.height_px": 120, "distractors.count": 0, "occluders": []}
-    with Simulation(scenario.load(name, {**BASE, **small, **keys}), image=False) as simulation:
+    with Simulation(scenario.load(name, {**SMALL, **ALONE, **keys}), image=False) as simulation:
         simulation.reset(3)
         for _ in range(60):
             simulation.world.advance()
@@ -125,17 +117,10 @@ def test_similarity_of_the_rendered_clothes_grows_with_the_parameter():
 
 def similarity_of_pixels(similarity: float, seed: int) -> float:
     """Bhattacharyya coefficient of the pixels of pedestrian and target when they are abreast."""
-    keys: dict[str, Any] = {
-        "axes.distractors.count": 1,
-        "axes.distractors.where": "beside",
-        "axes.distractors.at_s": 0.7,
-        "axes.distractors.similarity": similarity,
-        "distractors.count": 0,
-        "occluders": [],
-        "camera.width_px": 320,
-        "camera.height_px": 240,
-    }
-    with Simulation(scenario.load("easy/plaza-walk", {**BASE, **keys})) as simulation:
+    axis = {"count": 1, "where": "beside", "at_s": 0.7, "similarity": similarity}
+    keys = {f"axes.distractors.{key}": value for key, value in axis.items()}
+    large = {"camera.width_px": 320, "camera.height_px": 240}
+    with Simulation(scenario.load("easy/plaza-walk", {**BASE, **ALONE, **large, **keys})) as simulation:
         simulation.reset(seed)
         for _ in range(19):
             simulation.world.advance()

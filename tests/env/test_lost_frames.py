@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from observing import SMALL
 
 from pftrack_sim import scenario
 from pftrack_sim.camera.sensor import compress
 from pftrack_sim.core.records import Frame
 from pftrack_sim.simulation.simulation import Simulation
 
-SHORT = {"duration_s": 1.0, "camera.width_px": 160, "camera.height_px": 120, "camera.rate_hz": 10.0,
-         "lights.shadows": False, "occluders": []}  # fmt: skip
+SHORT = {**SMALL, "duration_s": 1.0, "camera.rate_hz": 10.0, "occluders": []}
 
 
 def episode(changed: dict[str, Any]) -> list[Frame]:

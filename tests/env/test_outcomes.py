@@ -6,18 +6,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from driving import driven
+from observing import ALONE, TINY
 
 from pftrack_sim import controllers, policies, trackers
 from pftrack_sim.core.errors import ParameterError
 
-SMALL = {
-    "camera.width_px": 96,
-    "camera.height_px": 72,
-    "lights.shadows": False,
-    "distractors.count": 0,
-    "occluders": [],
-    "duration_s": 8.0,
-}
+SMALL = {**TINY, **ALONE, "duration_s": 8.0}
 
 
 def make(overrides: dict[str, Any], env_id: str = "pftrack_sim/Follow-v0") -> gym.Env[Any, Any]:

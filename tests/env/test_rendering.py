@@ -9,19 +9,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import wrappers
+from observing import ALONE, TINY
 
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.wrappers import PixelsOnly
 
-SMALL: dict[str, Any] = {
-    "camera.width_px": 96,
-    "camera.height_px": 72,
-    "lights.shadows": False,
-    "duration_s": 0.5,
-    "distractors.count": 0,
-    "occluders": [],
-}
+SMALL = {**TINY, **ALONE, "duration_s": 0.5}
 STILL = np.zeros(4, np.float32)
 
 

@@ -13,18 +13,13 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from observing import TINY
 
 import pftrack_sim  # noqa: F401 - registers the environments
 from pftrack_sim.core.errors import CommandError, ParameterError, ScenarioError, UnknownNameError, WorkerError
 from pftrack_sim.wrappers import BoxObservation
 
-SMALL = {
-    "camera.width_px": 96,
-    "camera.height_px": 72,
-    "camera.rate_hz": 10,
-    "duration_s": 0.3,
-    "distractors.count": 0,
-}
+SMALL = {**TINY, "camera.rate_hz": 10, "duration_s": 0.3, "distractors.count": 0}
 
 
 def make_vec(env_id: str = "Follow-v0", num_envs: int = 2, **more: Any) -> Any:

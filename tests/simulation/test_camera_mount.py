@@ -1,18 +1,13 @@
 """The shaken camera does not see the mast and the head that it stands on."""
 
 import numpy as np
+from observing import TINY
 
 from pftrack_sim import scenario
 from pftrack_sim.scene.layout import owner_name
 from pftrack_sim.simulation import Simulation
 
-SHAKEN = {
-    "camera.width_px": 64,
-    "camera.height_px": 48,
-    "lights.shadows": False,
-    "duration_s": 2.0,
-    "axes.jitter.severity": 4.0,
-}
+SHAKEN = {**TINY, "duration_s": 2.0, "axes.jitter.severity": 4.0}
 
 
 def test_no_pixel_shows_the_mount_of_a_shaken_camera():

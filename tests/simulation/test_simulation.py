@@ -7,11 +7,7 @@ from pftrack_sim import scenario
 from pftrack_sim.simulation import Simulation
 
 SMALL = {"camera.width_px": 64, "camera.height_px": 48, "lights.shadows": False, "distractors.count": 0}
-LOSSY = {
-    **SMALL,
-    "duration_s": 2.0,
-    "axes.stream": {"severity": 1.0, "dropped_share": 0.5, "jpeg_quality": 100},
-}
+LOSSY = {**SMALL, "duration_s": 2.0, "axes.stream": {"severity": 1.0, "dropped_share": 0.5, "jpeg_quality": 100}}
 
 
 def test_a_collision_in_a_lost_frame_is_reported_with_the_next_delivered_frame(monkeypatch: pytest.MonkeyPatch):
