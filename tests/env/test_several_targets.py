@@ -107,6 +107,7 @@ def test_the_robot_follows_one_and_is_handed_over_to_another():
     while info["time_s"] < 4.0:
         observation, *_, info = env.step(policy(observation, info))
     env.unwrapped.switch_target("lea")
+    before_m = info["targets"]["lea"].distance_m
     bearings_rad: list[float] = []
     while info.get("outcome") is None:
         observation, *_, info = env.step(policy(observation, info))
@@ -115,6 +116,7 @@ def test_the_robot_follows_one_and_is_handed_over_to_another():
         assert set(info["targets"]) == {"target", "lea", "distractor-1"}
     assert info["outcome"] == "finished"
     assert np.median(bearings_rad) < 0.1
+    assert info["distance_m"] < before_m
     env.close()
 
 
