@@ -26,8 +26,6 @@ class CarriedItems:
 
     Args:
         model: Has a mocap body for each thing.
-        target: Says what is carried when.
-        anatomy: The target's body.
         places: x, y [m] and heading [rad] of the target when it picks up a thing that it does not carry from the start,
             by item.
     """

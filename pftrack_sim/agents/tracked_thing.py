@@ -23,7 +23,6 @@ class TrackedThing:
         model: Has its mocap body, see `add_thing`.
         name: That of the target.
         bearer: Body of who carries it.
-        path: The target's.
     """
 
     def __init__(self, model: mujoco.MjModel, name: str, thing: Thing, bearer: Anatomy, path: Path) -> None:

@@ -114,13 +114,8 @@ def median_width_phase(
     person seldom has again. Of the phases with the median width, it is the one nearest to the start phase of the gait;
     that phase itself where the width is constant, as at rest, or where the person is not in front of the camera.
 
-    Args:
-        person: The person.
-        gait: That of this person, once for each of the `PHASES`; it is reset.
-        position_m: `(2,)` x, y on the ground.
-        heading_rad: Direction of the walk.
-        speed_m_s: Walking speed.
-        T_world_camera: `(4, 4)` camera pose.
+    The gait is that of this person, once for each of the `PHASES`, and is reset; the person walks at `(2,)` x, y on the
+    ground, seen from a `(4, 4)` camera pose.
     """
     bodies = Bodies([[mesh.vertices for mesh in part_meshes(person).values()]])
     drawn, widths = float(gait.start_phase[0]), np.empty(len(PHASES))

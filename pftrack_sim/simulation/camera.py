@@ -23,15 +23,12 @@ class EpisodeCamera:
     """A camera of one episode.
 
     Args:
-        world: What it looks at.
         settings: The scenario as this camera sees it, see `ResolvedScenario.seen_by`.
         name: `"camera"`, or that of a further one.
-        seed: Root seed of the episode.
         shake: Vibration of the mount.
 
     Attributes:
         truth: The observer of its frames.
-        sensor: What is behind its lens.
         renderer: One with images of `render_size`; None: it has no images.
         K: `(3, 3)` camera matrix [px].
     """

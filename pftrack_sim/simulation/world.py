@@ -39,8 +39,6 @@ class World:
     """Place, robot, people and carts of one episode, at time 0.
 
     Args:
-        settings: The scenario.
-        seed: That of the episode.
         draws: Whether it is drawn in colour; if not, its textures are blank.
 
     Attributes:

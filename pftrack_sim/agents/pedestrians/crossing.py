@@ -130,11 +130,8 @@ class OcclusionTrajectory:
         """
         ux, uy, along = _point_on_sight(self.crossing.depth, camera_m, target_m, reach_m)
         lateral = self._lateral_m(time_s)
-        before, reference = (
-            self._reference,
-            (camera_m[0] + along * ux - lateral * uy, camera_m[1] + along * uy + lateral * ux),
-        )
-        self._reference = reference
+        reference = camera_m[0] + along * ux - lateral * uy, camera_m[1] + along * uy + lateral * ux
+        before, self._reference = self._reference, reference
         if self._updates == 0:
             before, dt_s = reference, 0.0
         else:

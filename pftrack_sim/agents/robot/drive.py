@@ -265,21 +265,9 @@ class Drive:
         """
         rotation, count = data.xmat[self._base].reshape(3, 3), len(self._beams)
         origin, directions = data.xpos[self._base] + BEAM_HEIGHT_M * rotation[:, 2], (self._beams @ rotation.T).ravel()
-        geoms, ranges = np.empty(count, dtype=np.int32), np.empty(count)
-        mujoco.mj_multiRay(
-            self._model,
-            data,
-            origin,
-            directions,
-            self._beam_groups,
-            True,
-            self._base,
-            geoms,
-            ranges,
-            None,
-            count,
-            self.range_m,
-        )
+        ranges = np.empty(count)
+        ends = np.empty(count, dtype=np.int32), ranges, None, count, self.range_m
+        mujoco.mj_multiRay(self._model, data, origin, directions, self._beam_groups, True, self._base, *ends)
         ranges[(ranges < 0.0) | (ranges > self.range_m)] = self.range_m
         return ranges
 

@@ -206,10 +206,7 @@ class _RobotAlone:
 class _Vicinity:
     """What the robot could touch: everything else as upright boxes around its geoms, the robot as an upright cylinder.
 
-    Args:
-        model: The scene; its only joints are those of the robot.
-        clock: Of the scene.
-        speed_m_s: Highest speed of the robot.
+    The robot's joints are the only ones of the scene, and it drives at `speed_m_s` at most.
     """
 
     def __init__(self, model: mujoco.MjModel, clock: Clock, speed_m_s: float) -> None:

@@ -21,13 +21,7 @@ GYRO, ACCELEROMETER = (
 
 
 class SensorErrors:
-    """What sensors tell instead of the truth: the same at a time of an episode however often they are read.
-
-    Args:
-        robot: Its range finder, and how large the errors are.
-        seed: That of the episode.
-        tick_s: Length of a tick of the clock.
-    """
+    """What sensors tell instead of the truth: the same at a time of an episode however often they are read."""
 
     def __init__(self, robot: Robot, seed: int, tick_s: float) -> None:
         self._sensors, self._seed, sensors = robot.sensors, seed, robot.sensors

@@ -39,17 +39,9 @@ class PoseHistory:
         self, data: mujoco.MjData, time_s: float, T_world_camera: FloatArray, T_world_people: FloatArray
     ) -> None:
         """Append the poses of a frame: `(4, 4)` of the camera without shake, and `(P, 4, 4)` root poses of people."""
-        rotations = data.geom_xmat.reshape(-1, 3, 3).copy()
-        self._snapshots.append(
-            _Snapshot(
-                time_s,
-                data.geom_xpos.copy(),
-                rotations,
-                data.xpos.copy(),
-                np.array(T_world_camera),
-                np.array(T_world_people),
-            )
-        )
+        geoms = data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy()
+        roots = np.array(T_world_camera), np.array(T_world_people)
+        self._snapshots.append(_Snapshot(time_s, *geoms, data.xpos.copy(), *roots))
         while len(self._snapshots) > 1 and self._snapshots[1].time_s <= time_s - self._span_s:
             del self._snapshots[0]
         self._times = np.array([snapshot.time_s for snapshot in self._snapshots]) - time_s

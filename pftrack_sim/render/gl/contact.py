@@ -24,7 +24,6 @@ class ContactShadows:
     """Those of one model, in a scene that has a material and a mesh for them.
 
     Args:
-        model: The model.
         geoms: Those of the scene that may become contact shadows, from the first; at least one more than `feet`.
     """
 

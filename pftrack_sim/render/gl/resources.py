@@ -35,12 +35,7 @@ Settings: TypeAlias = tuple[object, ...]
 class Resources:
     """The resources of one model after the other; the OpenGL context must be current in all methods.
 
-    Args:
-        model: What to draw.
-        size: Width and height of the framebuffer [px].
-
-    Attributes:
-        context: MuJoCo's handles of them.
+    `size` is the width and height of the framebuffer [px], `context` holds MuJoCo's handles of all.
     """
 
     def __init__(self, model: mujoco.MjModel, size: tuple[int, int]) -> None:

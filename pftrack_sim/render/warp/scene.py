@@ -43,11 +43,7 @@ _FIELDS = {
 
 
 class SceneArrays:
-    """A model on the device.
-
-    Args:
-        model: The model.
-        visible: `(ngeom,)` geoms that are drawn at all.
+    """A model on the device; `visible` are the `(ngeom,)` geoms that are drawn at all.
 
     Raises:
         RenderError: A visible geom of a type that the ray caster cannot draw.
