@@ -48,7 +48,8 @@ def write(root: Path, layout: str, content: Annotations) -> Path:
     folder = root / known.sequences / content.name
     folder.mkdir(parents=True)
     for index in range(len(content)):
-        _, image = cv2.imencode(".png", np.full((SIZE[1], SIZE[0], 3), index, dtype=np.uint8))
+        # OpenCV writes BGR: this is red.
+        _, image = cv2.imencode(".png", np.full((SIZE[1], SIZE[0], 3), (0, 0, index), dtype=np.uint8))
         name = known.image.format(index + known.first)
         if known.packed:
             with tarfile.open(folder / webdataset.SHARD, "a") as shard:
@@ -71,9 +72,13 @@ def test_what_is_written_is_read_back_without_naming_the_layout(tmp_path: Path, 
     content = annotations(seed)
     folder = write(tmp_path, layout, content)
     assert find_sequences(tmp_path) == [(folder, layout)]
-    for read in (read_sequence(folder), read_sequence(folder, layout)):
+    for read in (read_sequence(folder), read_sequence(str(folder), layout)):
         np.testing.assert_allclose(read.truth, content.boxes, atol=1.1e-5)
-        assert [int(read.image(index)[0, 0, 0]) for index in range(COUNT)] == list(range(COUNT))
+        assert not read.truth.flags.writeable
+        for index in range(COUNT):
+            image = read.image(index)
+            assert (image.shape, image.dtype) == ((SIZE[1], SIZE[0], 3), np.uint8)
+            assert (image == [index, 0, 0]).all()
         assert read.name == "walk"
         assert read.rate_hz == (None if layout in ("otb", "lasot", "coco", "kitti") else pytest.approx(25.0))
 
@@ -270,3 +275,62 @@ def test_a_missing_file_is_named_when_the_layout_is_given(tmp_path: Path, layout
     (folder / truth).unlink()
     with pytest.raises(SequenceError, match=rf"{Path(truth).name}: (no such|cannot be read: No such)"):
         read_sequence(folder, layout)
+
+
+BOXES = ["1,1,10,20", "3,4,10.5,20", "5,6,11,21"] * 2
+
+
+@pytest.fixture
+def otb(tmp_path: Path) -> Path:
+    """A sequence in the layout of OTB."""
+    folder = write(tmp_path, "otb", annotations())
+    truth("\n".join(BOXES) + "\n")(folder)
+    return folder
+
+
+@pytest.mark.parametrize("index", [-1, COUNT])
+def test_there_is_no_such_frame(otb: Path, index: int):
+    with pytest.raises(IndexError, match="frames 0 to 5"):
+        read_sequence(otb).image(index)
+
+
+@pytest.mark.parametrize("separator", [",", "\t", " ", ", ", "  ", " ,\t"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n", ""])
+def test_every_separator_is_read(otb: Path, separator: str, ending: str):
+    lines = [separator.join(line.split(",")) for line in BOXES]
+    truth((ending or "\n").join(lines) + ending)(otb)
+    assert read_sequence(otb).truth[:3].tolist() == [[0, 0, 10, 20], [2, 3, 10.5, 20], [4, 5, 11, 21]]
+
+
+def test_a_byte_order_mark_and_blank_lines_at_the_end_do_no_harm(otb: Path):
+    truth(b"\xef\xbb\xbf" + "\n".join(BOXES).encode() + b"\n\n  \n")(otb)
+    assert len(read_sequence(otb)) == COUNT
+
+
+@pytest.mark.parametrize("none", ["NaN,NaN,NaN,NaN", "nan nan nan nan", "0,0,0,0", "5,5,-3,4", "5,5,3,0", "1,2,NaN,4"])
+def test_no_truth_becomes_nan(otb: Path, none: str):
+    truth("\n".join([BOXES[0], none, *BOXES[2:]]))(otb)
+    assert np.isnan(read_sequence(otb).truth).all(axis=1).tolist() == [False, True, *[False] * 4]
+    assert np.isfinite(read_sequence(otb).truth[[0, *range(2, COUNT)]]).all()
+
+
+def test_numbers_may_start_anywhere_and_are_sorted_as_numbers(otb: Path):
+    for number in range(COUNT, 0, -1):
+        rename(f"img/{number:04d}.png", f"img/{9996 + number}.png")(otb)
+    read = read_sequence(otb)
+    assert [Path(read.where(index)).name for index in range(COUNT)] == [f"{9997 + index}.png" for index in range(COUNT)]
+
+
+def test_other_files_beside_the_images_do_no_harm(otb: Path):
+    for name in (".DS_Store", "._0001.png", "Thumbs.db", "notes.txt"):
+        (otb / "img" / name).write_text("")
+    assert len(read_sequence(otb)) == COUNT
+
+
+@pytest.mark.parametrize("data", [None, b"", b"no image", b"\x89PNG\r\n\x1a\n"])
+def test_a_missing_or_damaged_image_is_named_when_it_is_asked_for(otb: Path, data: bytes | None):
+    sequence, path = read_sequence(otb), otb / "img/0002.png"
+    path.unlink() if data is None else path.write_bytes(data)
+    assert sequence.image(2).shape == (SIZE[1], SIZE[0], 3)
+    with pytest.raises(SequenceError, match=rf"0002\.png: {'no such file' if data is None else 'is not an image'}"):
+        sequence.image(1)
