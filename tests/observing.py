@@ -43,6 +43,11 @@ SMALL_WALK: dict[str, Any] = {
 """A scenario in which nothing happens to the target, and others walk."""
 
 
+def on_axis(axis: str, **keys: Any) -> dict[str, Any]:
+    """Overrides of the keys of a stress axis."""
+    return {f"axes.{axis}.{key}": value for key, value in keys.items()}
+
+
 def made_truth(**values: Any) -> Truth:
     """A truth with these values; all four boxes are the `box` where nothing else is given."""
     box = values.get("box", (100.0, 60.0, 40.0, 90.0))

@@ -158,6 +158,15 @@ def looking(eye: tuple[float, float, float], at: tuple[float, float, float], rol
     return pose
 
 
+def facing(yaw: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0), pitch: float = 0.0) -> np.ndarray:
+    """`(4, 4)` T_world_camera of a camera that looks along x, turned to the left and up by angles."""
+    cos, sin, up, out = np.cos(yaw), np.sin(yaw), np.sin(pitch), np.cos(pitch)
+    pose = np.eye(4)
+    pose[:3, 0], pose[:3, 2], pose[:3, 3] = (sin, -cos, 0.0), (out * cos, out * sin, up), at
+    pose[:3, 1] = np.cross(pose[:3, 2], pose[:3, 0])
+    return pose
+
+
 def random_view(rng: np.random.Generator) -> np.ndarray:
     """A camera near the origin that looks roughly along x with some roll."""
     eye = tuple(rng.normal(size=3) * 0.3 + (0.0, 0.0, 1.2))

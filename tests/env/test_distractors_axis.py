@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from observing import ALONE, PLACES, SMALL
+from observing import ALONE, PLACES, SMALL, on_axis
 
 from pftrack_sim import scenario
 from pftrack_sim.core.records import Frame
@@ -17,8 +17,7 @@ BASE: dict[str, Any] = {"lights.shadows": False}
 
 def walk(name: str, until_s: float, seed: int = 3, **axis: Any) -> tuple[tuple[str, ...], np.ndarray]:
     """Names, and `(T, P, 2)` positions of all pedestrians at 30 Hz."""
-    keys = {f"axes.distractors.{key}": value for key, value in axis.items()}
-    world = World(scenario.load(name, {**BASE, **keys}).resolve(seed), seed, draws=False)
+    world = World(scenario.load(name, BASE | on_axis("distractors", **axis)).resolve(seed), seed, draws=False)
     places = [world.root_poses()[:, :2, 3]]
     for _ in range(round(until_s * 30.0)):
         world.advance()
@@ -40,9 +39,9 @@ def test_oncoming_pedestrians_pass_at_the_requested_time_and_distance(name: str,
 
 
 def test_oncoming_pedestrians_are_visible_as_they_pass():
-    keys = {f"axes.distractors.{key}": value for key, value in {"count": 1, "where": "beside", "at_s": 2.0}.items()}
+    overrides = SMALL | ALONE | on_axis("distractors", count=1, where="beside", at_s=2.0)
     for name in PLACES:
-        with Simulation(scenario.load(name, {**SMALL, **ALONE, **keys}), image=False) as simulation:
+        with Simulation(scenario.load(name, overrides), image=False) as simulation:
             simulation.reset(3)
             for _ in range(59):
                 simulation.world.advance()
@@ -54,10 +53,10 @@ def test_oncoming_pedestrians_are_visible_as_they_pass():
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_pedestrians_pass_on_the_far_side_of_a_target_seen_from_the_side(side: str):
     route = {"kind": "beside", "distance_m": 3.0, "side": side}
-    axis = {f"axes.distractors.{key}": value for key, value in {"where": "beside", "count": 2, "at_s": 3.0}.items()}
+    axis = on_axis("distractors", where="beside", count=2, at_s=3.0)
     for seed in range(3):
-        keys = {**BASE, **axis, **ALONE, "robot.route": route}
-        world = World(scenario.load("easy/plaza-walk", keys).resolve(seed), seed, draws=False)
+        loaded = scenario.load("easy/plaza-walk", {**BASE, **axis, **ALONE, "robot.route": route})
+        world = World(loaded.resolve(seed), seed, draws=False)
         passers = [index for index, person in enumerate(world.people) if person.startswith("passer")]
         for _ in range(90):
             world.advance()
@@ -75,8 +74,8 @@ def test_severity_scales_the_number_of_pedestrians():
 
 @pytest.mark.parametrize("name", ["easy/plaza-walk", "easy/corridor"])
 def test_look_alikes_cross_the_line_of_sight_and_walk_on(name: str):
-    keys = {f"axes.distractors.{key}": value for key, value in {"where": "across", "count": 1, "at_s": 2.5}.items()}
-    with Simulation(scenario.load(name, {**SMALL, **ALONE, **keys}), image=False) as simulation:
+    axis = on_axis("distractors", where="across", count=1, at_s=2.5)
+    with Simulation(scenario.load(name, SMALL | ALONE | axis), image=False) as simulation:
         simulation.reset(3)
         for _ in range(60):
             simulation.world.advance()
@@ -117,10 +116,9 @@ def test_similarity_of_the_rendered_clothes_grows_with_the_parameter():
 
 def similarity_of_pixels(similarity: float, seed: int) -> float:
     """Bhattacharyya coefficient of the pixels of pedestrian and target when they are abreast."""
-    axis = {"count": 1, "where": "beside", "at_s": 0.7, "similarity": similarity}
-    keys = {f"axes.distractors.{key}": value for key, value in axis.items()}
+    axis = on_axis("distractors", count=1, where="beside", at_s=0.7, similarity=similarity)
     large = {"camera.width_px": 320, "camera.height_px": 240}
-    with Simulation(scenario.load("easy/plaza-walk", {**BASE, **ALONE, **large, **keys})) as simulation:
+    with Simulation(scenario.load("easy/plaza-walk", {**BASE, **ALONE, **large, **axis})) as simulation:
         simulation.reset(seed)
         for _ in range(19):
             simulation.world.advance()

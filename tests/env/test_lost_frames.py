@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from observing import SMALL
+from observing import SMALL, on_axis
 
 from pftrack_sim import scenario
 from pftrack_sim.camera.sensor import compress
@@ -14,6 +14,7 @@ from pftrack_sim.core.records import Frame
 from pftrack_sim.simulation.simulation import Simulation
 
 SHORT = {**SMALL, "duration_s": 1.0, "camera.rate_hz": 10.0, "occluders": []}
+LOSSY = on_axis("stream", severity=1, jpeg_quality=100, dropped_share=0.5)
 
 
 def episode(changed: dict[str, Any]) -> list[Frame]:
@@ -27,8 +28,7 @@ def base() -> list[Frame]:
 
 
 def test_delivered_frames_are_camera_frames_with_their_truth(base: list[Frame]):
-    lossless = {"axes.stream.severity": 1, "axes.stream.jpeg_quality": 100, "axes.stream.dropped_share": 0.5}
-    shown = episode(lossless)
+    shown = episode(LOSSY)
     taken = {frame.time_s: frame for frame in base}
     assert 2 <= len(shown) < len(base)
     assert [frame.index for frame in shown] == list(range(len(shown)))
@@ -44,17 +44,15 @@ def test_delivered_frames_are_camera_frames_with_their_truth(base: list[Frame]):
 
 def test_noise_does_not_depend_on_lost_frames():
     noisy = {"axes.noise.severity": 1.0}
-    lossy = {"axes.stream.severity": 1, "axes.stream.jpeg_quality": 100, "axes.stream.dropped_share": 0.5}
     taken = {frame.time_s: frame for frame in episode(noisy)}
-    for frame in episode({**noisy, **lossy}):
+    for frame in episode(noisy | LOSSY):
         assert np.array_equal(frame.image, compress(taken[frame.time_s].image, 100))
 
 
 def test_truth_and_exposure_do_not_depend_on_lost_frames():
     optics = {f"axes.{axis}.severity": 2.0 for axis in ("blur", "rolling_shutter", "light", "noise", "jitter")}
-    light = {"axes.light.auto_exposure": True, "axes.light.auto_white_balance": True,
-             "axes.light.at_s": 0.1, "axes.light.exposure_lag_s": 0.2}  # fmt: skip
-    stream = {"axes.stream.severity": 1.0, "axes.stream.rate_hz": SHORT["camera.rate_hz"]}
+    light = on_axis("light", auto_exposure=True, auto_white_balance=True, at_s=0.1, exposure_lag_s=0.2)
+    stream = on_axis("stream", severity=1.0, rate_hz=SHORT["camera.rate_hz"])
     common = {**optics, **light, **stream, "duration_s": 1.5}
     complete = {frame.time_s: frame for frame in episode({**common, "axes.stream.dropped_share": 0.0})}
     lossy = episode({**common, "axes.stream.dropped_share": 0.5})
@@ -68,7 +66,7 @@ def test_truth_and_exposure_do_not_depend_on_lost_frames():
 
 
 def test_the_command_is_held_while_frames_are_lost():
-    lossy = {"axes.stream.severity": 1, "axes.stream.dropped_share": 0.5, "duration_s": 2.0}
+    lossy = {**LOSSY, "duration_s": 2.0}
     forward = np.array([0.5, 0.2, 0.0, 0.0])
     with Simulation(scenario.load("corridor", {**SHORT, "duration_s": 2.0})) as simulation:
         simulation.reset(4)
@@ -91,9 +89,7 @@ def test_the_command_is_held_while_frames_are_lost():
 def test_the_error_grows_as_the_jpeg_quality_falls(base: list[Frame]):
     errors = []
     for quality in (95, 60, 20, 5):
-        settings = {"axes.stream.severity": 1, "axes.stream.jpeg_quality": quality, "axes.stream.dropped_share": 0.0,
-                    "axes.stream.rate_hz": 10.0}  # fmt: skip
-        coded = episode(settings)
+        coded = episode(on_axis("stream", severity=1, jpeg_quality=quality, dropped_share=0.0, rate_hz=10.0))
         assert len(coded) == len(base)
         errors.append(np.mean([np.square(a.image.astype(float) - b.image) for a, b in zip(coded, base, strict=True)]))
     assert (np.diff(errors) > 0.0).all()

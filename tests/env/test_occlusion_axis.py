@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import observing
 import pytest
-from observing import CALM, PLACES
+from observing import CALM, PLACES, on_axis
 
 from pftrack_sim.core.records import Truth
 from pftrack_sim.scenario.axes import OcclusionAxis
@@ -19,8 +19,7 @@ NEXT_TO_PILLARS_AT_S = 3.1
 
 def truths(name: str, until_s: float, seed: int = 3, from_s: float = 0.0, **axis: Any) -> list[Truth]:
     """Truth of the target from a time on, with these keys of the axis."""
-    keys = {f"axes.occlusion.{key}": value for key, value in axis.items()}
-    return observing.truths(name, {**CLEAR, **keys}, seed, from_s, until_s)
+    return observing.truths(name, CLEAR | on_axis("occlusion", **axis), seed, from_s, until_s)
 
 
 def assert_as_requested(observed: list[Truth], spans_s: tuple[tuple[float, float], ...], share: float):
@@ -115,14 +114,9 @@ def test_without_occlusions_the_truth_is_the_base_to_the_bit():
     ids=lambda route: route["kind"],
 )
 def test_occlusions_are_equal_on_every_route(route: dict[str, Any]):
-    keys = {
-        "robot.route": route,
-        "place.clutter": 0.0,
-        "axes.occlusion.kind": "pillar",
-        "axes.occlusion.duration_s": 1.0,
-        "axes.occlusion.end_s": AT_S + 1.0,
-    }
-    observed = observing.truths("easy/plaza-walk", {**CLEAR, **keys}, 3, AT_S - 0.5, AT_S + 1.5)
+    axis = on_axis("occlusion", kind="pillar", duration_s=1.0, end_s=AT_S + 1.0)
+    overrides = {**CLEAR, **axis, "robot.route": route, "place.clutter": 0.0}
+    observed = observing.truths("easy/plaza-walk", overrides, 3, AT_S - 0.5, AT_S + 1.5)
     assert_as_requested(observed, ((AT_S, 1.0),), 1.0)
 
 

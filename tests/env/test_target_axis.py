@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import observing
 import pytest
-from observing import CALM, PLACES
+from observing import CALM, PLACES, on_axis
 
 from pftrack_sim.core.records import Truth
 from pftrack_sim.scenario.axes import TargetAxis
@@ -15,8 +15,7 @@ ONLY_MANOEUVRES: dict[str, Any] = {"faster_m_s": 0.0, "range_m": 0.0, "leave_s":
 
 
 def truths(until_s: float, name: str = "easy/plaza-walk", from_s: float = 0.0, **axis: Any) -> list[Truth]:
-    keys = {f"axes.target.{key}": value for key, value in axis.items()}
-    return observing.truths(name, {**CALM, **keys}, 3, from_s, until_s)
+    return observing.truths(name, CALM | on_axis("target", **axis), 3, from_s, until_s)
 
 
 def speeds(observed: list[Truth]) -> np.ndarray:
@@ -41,8 +40,8 @@ def test_a_stopped_target_stands_still():
 
 def test_a_crouch_lowers_the_amodal_box_and_rises_again():
     route = {"robot.route": {"kind": "still", "start_m": [4.0, -4.5], "heading_deg": 90.0}}
-    keys = {f"axes.target.{key}": value for key, value in {"manoeuvres": ["crouch"], **ONLY_MANOEUVRES}.items()}
-    observed = observing.truths("easy/plaza-walk", {**CALM, **route, **keys}, 3, 0.0, 4.33)
+    axis = on_axis("target", manoeuvres=["crouch"], **ONLY_MANOEUVRES)
+    observed = observing.truths("easy/plaza-walk", CALM | route | axis, 3, 0.0, 4.33)
     # Height in metres, independent of the distance.
     height = np.array([one.amodal_box[3] * one.distance_m for one in observed])
     upright, down = height[:12].mean(), height[round(2.8 * RATE_HZ)]

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from observing import box_of
-from render_stage import HEIGHT, NEAR, WIDTH, K, new_spec
+from render_stage import HEIGHT, NEAR, WIDTH, K, facing, new_spec
 
 from pftrack_sim import scenario
 from pftrack_sim.camera.distortion import Lens
@@ -41,14 +41,6 @@ CAMERAS = {
 """Camera matrix, coefficients, and places of a ball in view, to the left and up, 4 m ahead."""
 POLES = {"pole": [4.0, 0.0, 0.0], "ball": [-9.0, 0.0, 0.0], "both": [2.5, 0.05, 0.0]}
 STILL = CameraShake.band_limited(0.0, 0.0, (1.0, 12.0), np.random.default_rng(0))
-
-
-def facing(yaw: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
-    """A level camera that looks along x, turned to the left by an angle."""
-    pose = np.eye(4)
-    pose[:3, :3] = np.array([[np.sin(yaw), 0.0, np.cos(yaw)], [-np.cos(yaw), 0.0, np.sin(yaw)], [0.0, -1.0, 0.0]])
-    pose[:3, 3] = at
-    return pose
 
 
 class Studio:

@@ -2,22 +2,14 @@
 
 import numpy as np
 import pytest
+from render_stage import facing
 
 from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.agents.traffic import PHASES, median_width_phase
 from pftrack_sim.scene.people.person import Person, part_meshes, sample_people
 
 (PERSON,) = sample_people(3, 1.75, 0, 0.0, [])
-START = np.array([4.0, 0.0])
-
-
-def camera(heading_rad: float) -> np.ndarray:
-    """Pose of a level camera at a height of 1.2 m at the origin."""
-    pose = np.eye(4)
-    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
-    pose[:3, :3] = np.array([[sin, 0.0, cos], [-cos, 0.0, sin], [0.0, -1.0, 0.0]])
-    pose[2, 3] = 1.2
-    return pose
+START, EYE_M = np.array([4.0, 0.0]), (0.0, 0.0, 1.2)
 
 
 def gait(seed: int, people: int = 1) -> Gait:
@@ -42,7 +34,7 @@ def widths(person: Person, one: Gait, heading_rad: float, count: int) -> np.ndar
 def test_the_width_at_the_phase_is_the_median_over_a_stride(heading_rad: float, seed: int):
     one = gait(seed)
     drawn = float(one.start_phase[0])
-    phase = median_width_phase(PERSON, gait(seed, len(PHASES)), START, heading_rad, 1.3, camera(0.0))
+    phase = median_width_phase(PERSON, gait(seed, len(PHASES)), START, heading_rad, 1.3, facing(0.0, EYE_M))
     over_stride = widths(PERSON, one, heading_rad, 100)
     assert np.interp(phase, np.arange(100) / 100, over_stride) == pytest.approx(np.median(over_stride), rel=0.02)
     # Four such phases in a stride are at most some quarter of it away.
@@ -52,5 +44,5 @@ def test_the_width_at_the_phase_is_the_median_over_a_stride(heading_rad: float, 
 def test_a_person_at_rest_keeps_the_drawn_phase():
     drawn = float(gait(2).start_phase[0])
     people = len(PHASES)
-    assert median_width_phase(PERSON, gait(2, people), START, 0.0, 0.0, camera(0.0)) == drawn
-    assert median_width_phase(PERSON, gait(2, people), START, 0.0, 1.3, camera(np.pi)) == drawn
+    assert median_width_phase(PERSON, gait(2, people), START, 0.0, 0.0, facing(0.0, EYE_M)) == drawn
+    assert median_width_phase(PERSON, gait(2, people), START, 0.0, 1.3, facing(np.pi, EYE_M)) == drawn

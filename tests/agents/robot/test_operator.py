@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from render_stage import facing
 
 from pftrack_sim.agents.path import Path
 from pftrack_sim.agents.pedestrians.obstacle_map import ObstacleMap
@@ -35,12 +36,7 @@ WALK_M_S = 1.2
 
 def camera(x: float, y: float, yaw: float, pitch: float = 0.0) -> np.ndarray:
     """T_world_camera 1.1 m above the ground."""
-    cos, sin, up, out = math.cos(yaw), math.sin(yaw), math.sin(pitch), math.cos(pitch)
-    T = np.eye(4)
-    T[:3, 0], T[:3, 2] = (sin, -cos, 0.0), (out * cos, out * sin, up)
-    T[:3, 1] = np.cross(T[:3, 2], T[:3, 0])
-    T[:3, 3] = x, y, 1.1
-    return T
+    return facing(yaw, (x, y, 1.1), pitch)
 
 
 def drive(
