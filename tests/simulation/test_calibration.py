@@ -40,47 +40,38 @@ RATIONAL = np.array([0.7, 0.1, 0.001, -0.002, 0.01, 1.1, 0.3, 0.02])
 FISHEYE = np.array([0.03, -0.01, 0.004, -0.0008])
 
 
-@pytest.mark.parametrize("text", [ROS, KALIBR])
-def test_files_of_ros_and_kalibr_are_read(text: str, tmp_path: Path):
-    file = tmp_path / "camera.yaml"
-    file.write_text(text)
-    found = read_calibration(file)
-    np.testing.assert_array_equal(found.K, K)
-    assert found.size_px == (320, 240)
-    assert found.lens == tuple(LENS)
-
-
-def of_opencv(text: str) -> str:
-    """As OpenCV's calibration program writes a fisheye."""
-    return text.replace("distortion_model: equidistant", "fisheye_model: 1")
-
-
-def of_kalibr(text: str) -> str:
-    lens = f"distortion_coeffs: {FISHEYE.tolist()}\n  distortion_model: equidistant"
-    return KALIBR.replace("distortion_coeffs: [-0.36, 0.11, 0.001, 0.0005]\n  distortion_model: radtan", lens)
-
-
-@pytest.mark.parametrize("form", [str, of_opencv, of_kalibr])
-def test_equidistant_lenses_of_all_three_are_read(form, tmp_path: Path):
-    (tmp_path / "camera.yaml").write_text(form(ros(FISHEYE)))
-    found = read_calibration(tmp_path / "camera.yaml")
-    assert found.equidistant
-    assert found.lens == tuple(FISHEYE)
-    np.testing.assert_array_equal(found.K, K)
-
-
 def ros(lens: np.ndarray) -> str:
     """The calibration with another lens."""
     text = ROS.replace("[-0.36, 0.11, 0.001, 0.0005, 0.0]", str(lens.tolist()))
     return text.replace("plumb_bob", {4: "equidistant", 5: "plumb_bob", 8: "rational_polynomial"}[len(lens)])
 
 
+BY_OPENCV = ros(FISHEYE).replace("distortion_model: equidistant", "fisheye_model: 1")
+BY_KALIBR = KALIBR.replace("[-0.36, 0.11, 0.001, 0.0005]", str(FISHEYE.tolist())).replace("radtan", "equidistant")
+
+
+def written(folder: Path, text: str = ROS) -> dict[str, object]:
+    """Overrides that name a calibration file with this text."""
+    (folder / "camera.yaml").write_text(text)
+    return {"camera.calibration": str(folder / "camera.yaml"), **SIZE}
+
+
+@pytest.mark.parametrize(
+    ("text", "lens"),
+    [(ROS, LENS), (KALIBR, LENS), (ros(FISHEYE), FISHEYE), (BY_OPENCV, FISHEYE), (BY_KALIBR, FISHEYE)],
+)
+def test_files_of_ros_opencv_and_kalibr_are_read(text: str, lens: np.ndarray, tmp_path: Path):
+    written(tmp_path, text)
+    found = read_calibration(tmp_path / "camera.yaml")
+    np.testing.assert_array_equal(found.K, K)
+    assert found.size_px == (320, 240)
+    assert found.lens == tuple(lens)
+    assert found.equidistant == (len(lens) == 4)
+
+
 @pytest.mark.parametrize("lens", [LENS, np.zeros(5), RATIONAL, FISHEYE, np.zeros(4)])
 def test_boxes_are_where_opencv_projects_the_target(lens: np.ndarray, tmp_path: Path):
-    file = tmp_path / "camera.yaml"
-    file.write_text(ros(lens))
-    overrides = {"camera.calibration": str(file), **SIZE}
-    with Simulation(scenario.load("plaza-walk", overrides), image=False) as simulation:
+    with Simulation(scenario.load("plaza-walk", written(tmp_path, ros(lens))), image=False) as simulation:
         simulation.reset(3)
         for _ in range(3):
             truth = simulation.advance().truth
@@ -110,7 +101,7 @@ def vertices(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarra
 
 
 def test_a_file_beside_a_scenario_is_found_and_its_size_is_the_cameras(tmp_path: Path):
-    (tmp_path / "camera.yaml").write_text(ROS)
+    written(tmp_path)
     (tmp_path / "mine.toml").write_text('extends = "corridor"\n[camera]\ncalibration = "camera.yaml"\n')
     camera = scenario.load(tmp_path / "mine.toml").resolve(0).camera
     assert (camera.width_px, camera.height_px) == (320, 240)
@@ -132,29 +123,24 @@ def test_a_file_beside_a_scenario_is_found_and_its_size_is_the_cameras(tmp_path:
     ],
 )
 def test_what_a_camera_cannot_be_made_of_is_said(text: str, said: str, tmp_path: Path):
-    (tmp_path / "camera.yaml").write_text(text)
     with pytest.raises(ScenarioError, match=said):
-        scenario.load("corridor", {"camera.calibration": str(tmp_path / "camera.yaml")})
+        scenario.load("corridor", written(tmp_path, text))
 
 
 def test_a_lens_that_folds_the_image_is_named_with_its_calibration(tmp_path: Path):
-    (tmp_path / "camera.yaml").write_text(ROS.replace("-0.36, 0.11", "-3.6, 0.0"))
-    one = Simulation(scenario.load("corridor", {"camera.calibration": str(tmp_path / "camera.yaml"), **SIZE}))
+    one = Simulation(scenario.load("corridor", written(tmp_path, ROS.replace("-0.36, 0.11", "-3.6, 0.0"))))
     with one, pytest.raises(ScenarioError, match=r"camera\.calibrated with axes\.distortion: .* is not invertible"):
         one.reset(0)
 
 
 def test_the_axis_of_distortion_is_refused_on_an_equidistant_lens(tmp_path: Path):
-    (tmp_path / "camera.yaml").write_text(ros(FISHEYE))
-    overrides = {"camera.calibration": str(tmp_path / "camera.yaml"), **SIZE, "axes.distortion.severity": 1.0}
     with pytest.raises(ScenarioError, match=r"axes\.distortion: is of Brown's model"):
-        scenario.load("corridor", overrides)
+        scenario.load("corridor", written(tmp_path, ros(FISHEYE)) | {"axes.distortion.severity": 1.0})
 
 
 def test_another_size_of_the_image_is_refused_with_the_remedy(tmp_path: Path):
-    (tmp_path / "camera.yaml").write_text(ROS)
-    overrides = {"camera.calibration": str(tmp_path / "camera.yaml"), "camera.width_px": 640, "camera.height_px": 480}
+    large = {"camera.width_px": 640, "camera.height_px": 480}
     with pytest.raises(ScenarioError, match="images of 320 x 240: set camera"):
-        scenario.load("corridor", overrides)
+        scenario.load("corridor", written(tmp_path) | large)
     with pytest.raises(ParameterError, match="cannot be read: No such file"):
         read_calibration(tmp_path / "none.yaml")
