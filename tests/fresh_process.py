@@ -5,7 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
+ROOT = Path(__file__).parents[1]
+WITHOUT_OPENGL = {"PYTHONPATH": os.pathsep.join([str(ROOT / "tests" / "without_opengl"), str(ROOT)])}
+"""Environment variables with which no OpenGL library can be loaded."""
 LIMIT_S = 300.0
 """It is generous, because it finds hangs and judges no speed."""
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import pickle
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import observing
 import pytest
 
 import pftrack_sim  # noqa: F401 - registers the environments
@@ -18,10 +17,9 @@ from pftrack_sim.core.errors import ParameterError, TrackerError
 from pftrack_sim.simulation.simulation import Simulation
 from pftrack_sim.simulation.world import World
 from pftrack_sim.wrappers import BoxObservation
-from tests.fresh_process import printed
+from tests.fresh_process import WITHOUT_OPENGL, printed
 
-ROOT = Path(__file__).parents[2]
-SMALL = {"camera.width_px": 160, "camera.height_px": 120, "lights.shadows": False, "duration_s": 1.0}
+SMALL = {**observing.SMALL, "duration_s": 1.0}
 GEOMETRY_AXES = {f"axes.{name}.severity": 1.0 for name in ("jitter", "blur", "rolling_shutter", "distortion", "stream")}
 
 
@@ -128,8 +126,7 @@ def test_no_opengl_library_is_loaded():
         "import os; loaded = open('/proc/self/maps').read() if os.path.exists('/proc/self/maps') else ''\n"
         "assert not [name for name in ('libEGL', 'libOSMesa', 'libGLX', 'warp') if name in loaded]"
     )
-    hidden = os.pathsep.join([str(ROOT / "tests" / "without_opengl"), str(ROOT)])
-    printed(code, PYTHONPATH=hidden)
+    printed(code, **WITHOUT_OPENGL)
 
 
 def test_others_are_those_of_their_frame_whenever_they_are_asked_for():

@@ -15,7 +15,7 @@ from pftrack_sim.render import renderer as renderers
 from pftrack_sim.render.renderer import sky_material
 from pftrack_sim.scenario import load, names
 from pftrack_sim.simulation.simulation import Simulation
-from tests.fresh_process import printed
+from tests.fresh_process import ROOT, WITHOUT_OPENGL, printed
 
 pytest.importorskip("mujoco_warp")
 
@@ -153,24 +153,18 @@ with Simulation(load("corridor", {size}), backend={backend}) as simulation:
         digest.update(frame.image.tobytes() + frame.truth.visible_box.tobytes())
     print(simulation.graphics.split(":")[0], digest.hexdigest())
 """
-ROOT = Path(__file__).parents[2]
 
 
-def _without_opengl() -> dict[str, str]:
-    """Environment variables with which no OpenGL library can be loaded."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "tests" / "without_opengl"), str(ROOT)])}
-
-
-def _digest(backend: str | None, environment: dict[str, str] | None = None) -> list[str]:
+def _digest(backend: str | None, **environment: str) -> list[str]:
     """Backend that draws, and the digest of its frames."""
     program = _PROGRAM.format(size=SIZE, backend=repr(backend))
-    return printed(program, **(environment or {"PYTHONPATH": str(ROOT)})).split()[-2:]
+    return printed(program, **{"PYTHONPATH": str(ROOT), **environment}).split()[-2:]
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="hides what is looked up on Linux")
 def test_without_opengl_the_ray_caster_draws_equal_bits_in_any_process():
-    hidden = _digest(None, _without_opengl())
+    hidden = _digest(None, **WITHOUT_OPENGL)
     assert hidden[0] == "warp"
     assert hidden == _digest("warp")
 
@@ -180,7 +174,8 @@ def test_without_opengl_the_ray_caster_draws_equal_bits_in_any_process():
 def test_doctor_bench_and_render_work_without_opengl(tmp_path: Path):
     def run(*arguments: str) -> str:
         program = [sys.executable, "-c", "from pftrack_sim.cli import main; main()", *arguments]
-        done = subprocess.run(program, capture_output=True, text=True, check=False, env=_without_opengl(), cwd=tmp_path)
+        hidden = {**os.environ, **WITHOUT_OPENGL}
+        done = subprocess.run(program, capture_output=True, text=True, check=False, env=hidden, cwd=tmp_path)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 

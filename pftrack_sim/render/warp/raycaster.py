@@ -1,4 +1,4 @@
-"""Color images and segmentations of one model by MuJoCo Warp's ray caster, from any camera pose."""
+"""Color images of one model by MuJoCo Warp's ray caster, from any camera pose."""
 
 # Warp is only partly typed.
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
