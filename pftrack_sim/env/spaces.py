@@ -1,8 +1,4 @@
-"""A Gymnasium space for bounding boxes.
-
-It is a `gymnasium.spaces.Box` with the bounds of the image, so that wrappers and vector environments take it, but it
-contains every valid box and samples boxes inside the image: bounded separately, most numbers are no box of the image.
-"""
+"""A Gymnasium space for bounding boxes."""
 
 from __future__ import annotations
 
@@ -20,15 +16,15 @@ from pftrack_sim.core.errors import BoxError
 class BoundingBox(gym.spaces.Box):
     """All boxes x, y, w, h [px] with finite numbers and sizes >= 0; they may leave the image, samples do not.
 
-    `low` and `high`, `(4,)` float64, are those of boxes whose corner lies in the image and that are not larger than it:
-    `RescaleAction` maps to them, `ClipAction` clips to them.
+    It is a `Box`, so that wrappers and vector environments take it: `low` and `high`, `(4,)` float64, are those of
+    boxes whose corner lies in the image and that are not larger than it. `RescaleAction` maps to them, `ClipAction`
+    clips to them.
     """
 
     def __init__(self, width_px: int, height_px: int, seed: int | np.random.Generator | None = None) -> None:
         high = np.array([width_px, height_px, width_px, height_px], dtype=np.float64)
         super().__init__(np.zeros(4), high, dtype=np.float64, seed=seed)
-        self.width_px = width_px
-        self.height_px = height_px
+        self.width_px, self.height_px = width_px, height_px
 
     def sample(self, mask: None = None, probability: None = None) -> NDArray[np.float64]:
         """A random box with its corners inside the image, `(4,)` float64."""

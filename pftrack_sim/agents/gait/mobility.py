@@ -40,11 +40,6 @@ class Rider:
         self._parts = parts(kind, body.height_m)
         self.places, self.turned = np.zeros((len(self._parts), 3)), np.zeros((len(self._parts), 3, 3))
 
-    def _start(self, person: Any) -> None:
-        self._rolled_m, self._turned_rad, self._steer_rad = person.start_phase * self._period_m, 0.0, 0.0
-        self._down = float(person.speed < _AT_REST_M_S)
-        self._last = person.x, person.y, person.heading
-
     @property
     def _period_m(self) -> float:
         """Way of a turn of the pedals, or between two kicks or pushes."""
@@ -53,8 +48,10 @@ class Rider:
 
     def move(self, dt_s: float, person: Any, feet: Any, grips: Any) -> None:
         """Follow the walk of a person by a tick, or start: set its posture, feet and grips."""
+        rests = person.speed < _AT_REST_M_S
         if dt_s == 0.0:
-            self._start(person)
+            self._rolled_m, self._turned_rad, self._steer_rad = person.start_phase * self._period_m, 0.0, 0.0
+            self._down, self._last = float(rests), (person.x, person.y, person.heading)
         x, y, heading = self._last
         turned = math.remainder(person.heading - heading, 2.0 * math.pi)
         middle = heading + 0.5 * turned
@@ -62,7 +59,7 @@ class Rider:
         self._turned_rad += turned
         self._last = person.x, person.y, person.heading
         step = dt_s / _FOOT_DOWN_S
-        self._down = min(max(self._down + (step if person.speed < _AT_REST_M_S else -step), 0.0), 1.0)
+        self._down = min(max(self._down + (step if rests else -step), 0.0), 1.0)
         curvature = person.turn / max(person.speed, 0.3)
         bends = self._scale * self._table.get("wheelbase_m", 0.0) * min(max(curvature, -_STEEPEST), _STEEPEST)
         self._steer_rad = math.atan(bends)

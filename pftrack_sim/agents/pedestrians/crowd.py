@@ -192,7 +192,10 @@ class Crowd:
         self._update_scripted(dt_s, time_s, around)
         for cart in self.carts:
             cart.update(dt_s, time_s, around)
-        self._update_reactive(dt_s, time_s)
+        if self._reactive.stop > 1:
+            self._pace.update(time_s)
+            self._goals.update(dt_s, time_s, self.target_s_m)
+            avoid(self._movers, self._obstacles.rectangles, dt_s)
 
     def _moved_robot(self, dt_s: float, robot_m: Xy) -> tuple[float, float, float, float]:
         """Store the robot's position and its velocity (differences, low-pass filtered), and return x, y, vx, vy."""
@@ -233,13 +236,6 @@ class Crowd:
                 self._goals.walk_to_sampled_goal(person, time_s, position, self.target_s_m, heading)
                 return
         self._goals.walk_and_stop(person, time_s, position, route)
-
-    def _update_reactive(self, dt_s: float, time_s: float) -> None:
-        if self._reactive.stop == 1:
-            return
-        self._pace.update(time_s)
-        self._goals.update(dt_s, time_s, self.target_s_m)
-        avoid(self._movers, self._obstacles.rectangles, dt_s)
 
     def _group(self) -> None:
         """Divide the pedestrians into reactive and scripted ones, after a phase has changed."""

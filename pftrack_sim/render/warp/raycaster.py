@@ -56,7 +56,10 @@ class Raycaster(Renderer):
         self, data: mujoco.MjData, T_world_camera: ArrayLike, K: ArrayLike, *, rows: slice | None = None
     ) -> Image:
         """Draw a new `(H, W, 3)` uint8 RGB image, or only its `rows` (start and stop)."""
-        arrays, camera, width = self._bound_arrays(), self._camera(T_world_camera, K), self.width_px
+        if self._arrays is None:
+            closed = self._closed
+            raise RenderError("this renderer has been closed" if closed else "this renderer has no model: rebind it")
+        arrays, camera, width = self._arrays, self._camera(T_world_camera, K), self.width_px
         arrays.update_lights()
         arrays.update_poses(data)
         image = wp.zeros((width * self.height_px, 3), dtype=wp.uint8)
@@ -71,12 +74,6 @@ class Raycaster(Renderer):
         """Free everything; a second call does nothing."""
         self.unbind()
         self._closed = True
-
-    def _bound_arrays(self) -> SceneArrays:
-        if self._arrays is None:
-            closed = self._closed
-            raise RenderError("this renderer has been closed" if closed else "this renderer has no model: rebind it")
-        return self._arrays
 
     def _camera(self, T_world_camera: ArrayLike, K: ArrayLike) -> Any:
         """A camera at a `(4, 4)` pose, with a camera matrix [px]."""
