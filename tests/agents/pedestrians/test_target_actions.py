@@ -23,9 +23,8 @@ FAR = (1e6, 1e6, 0.0, 0.0)
 
 @dataclass
 class Record:
-    """Time, arc length, heading and posture of every tick."""
+    """Arc length, heading and posture of every tick."""
 
-    time_s: np.ndarray
     s_m: np.ndarray
     heading_rad: np.ndarray
     postures: list[Any]
@@ -50,11 +49,11 @@ def walked(
     camera_m: tuple[float, float] = (-3.0, 0.0),
 ) -> Record:
     walk, rows = TargetWalk(Path(LINE), target(*actions), axis or TargetAxis()), []
-    for tick in range(round(seconds / DT)):
+    for _ in range(round(seconds / DT)):
         walk.update(DT, robot, camera_m)
-        rows.append((tick * DT, walk.s_m, walk.heading_rad, walk.posture))
-    time_s, s_m, heading, postures = zip(*rows, strict=True)
-    return Record(np.array(time_s), np.array(s_m), np.array(heading), list(postures))
+        rows.append((walk.s_m, walk.heading_rad, walk.posture))
+    s_m, heading, postures = zip(*rows, strict=True)
+    return Record(np.array(s_m), np.array(heading), list(postures))
 
 
 @pytest.mark.parametrize(
