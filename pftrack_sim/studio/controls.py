@@ -28,9 +28,8 @@ from pftrack_sim.studio.tracked import Moment, TrackedSession
 THEME = {"show_logo": False, "show_share_button": False}
 _SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "as fast as possible": 1e6}
 _STEP = 0.25
+# Which part of the command (forward, turn, pan, tilt) a key raises or lowers by a step.
 _KEYS = {"W": (0, 1), "S": (0, -1), "A": (1, 1), "D": (1, -1), "Q": (2, 1), "E": (2, -1), "R": (3, 1), "F": (3, -1)}
-"""Which part of the command (forward, turn, pan, tilt) a key raises or lowers by `_STEP`."""
-
 _KEYS_HELP = "W/S forward, A/D turn, Q/E pan, R/F tilt, X stop; or a game pad."
 
 
@@ -53,12 +52,10 @@ class Controls:
         self.past: Moment | None = None
         """A moment of the past that is looked at while paused."""
         self._pad = GamePad()
-        self._wanted: dict[str, float] = {}
-        """Values of sliders that the session has not taken yet."""
+        self._wanted: dict[str, float] = {}  # Values of sliders that the session has not taken yet
         self._lock = threading.Lock()
         self._first_s = 0.0
-        self._synchronised: Settings | None = player.session.settings
-        """Settings that the controls show."""
+        self._synchronised: Settings | None = player.session.settings  # What the controls show
         self._add_controls(panel)
 
     @property

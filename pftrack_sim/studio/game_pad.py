@@ -12,11 +12,9 @@ import numpy as np
 
 from pftrack_sim.core.types import FloatArray
 
-_DEAD = 0.15
-"""Deflection up to which a stick is at rest."""
-
+_DEAD = 0.15  # Deflection up to which a stick is at rest
+# Horizontal and vertical axes of the sticks, as SDL counts them; with triggers, these are axes 2 and 5.
 _LEFT, _RIGHT, _RIGHT_BESIDE_TRIGGERS = (0, 1), (2, 3), (3, 4)
-"""Horizontal and vertical axes of the sticks, as SDL counts them; with triggers, these are axes 2 and 5."""
 
 
 class GamePad:

@@ -21,10 +21,10 @@ from pftrack_sim.studio.session import Session
 from pftrack_sim.studio.tracked import Moment
 
 _PICTURES_HZ, _SCENE_HZ, _STATE_HZ = 30.0, 12.0, 4.0
+_SIDE_PX = 300  # Width of the panel of settings
+_LEAST_PX, _SHARE_OF_WINDOW = 420, 0.46  # Least width of the panel of the picture, and its share of the window
 
-_SIDE_PX, _LEAST_PX, _SHARE_OF_WINDOW = 300, 420, 0.46
-"""Width of the panel of settings; least width of that of the picture, and its share of the window."""
-
+# Lets the picture fill its panel, as viser shows none larger than its pixels, and raises the contrast of texts.
 _STYLE = """<style>
 img[src^='blob:'] { width: 100% }
 :root { --mantine-color-dimmed: #59616a !important; --mantine-color-blue-6: #1668b8 !important; }
@@ -33,13 +33,11 @@ img[src^='blob:'] { width: 100% }
 .mantine-Slider-markLabel, .mantine-Notification-description { color: var(--mantine-color-dimmed) !important; }
 p.mantine-Text-root { opacity: 1 !important; }
 </style>"""
-"""Lets the picture fill its panel, as viser shows none larger than its pixels, and raises the contrast of texts."""
 
 _SPAN_S = 12.0
 _TRUTH = "truth"
 _HEIGHT_PX = 110
-_SHARE = {"range": (-0.05, 1.2)}
-"""Limits of what lies in [0, 1], with room for a line at either end and for the label above."""
+_SHARE = {"range": (-0.05, 1.2)}  # Of what lies in [0, 1], with room for a line at either end and for the label above
 
 
 @dataclass(frozen=True)

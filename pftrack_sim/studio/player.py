@@ -15,8 +15,7 @@ from pftrack_sim.core.text import describe_error
 from pftrack_sim.studio.tracked import Moment, TrackedSession
 
 _IDLE_S = 0.05
-_RATE_OVER = 20
-"""Frames over which the frame rate is averaged."""
+_RATE_OVER = 20  # Frames over which the frame rate is averaged
 
 
 class Player:

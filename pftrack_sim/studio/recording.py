@@ -22,9 +22,7 @@ from pftrack_sim.studio.settings import Settings
 from pftrack_sim.studio.tracked import MEMORY_MB, UNSEEN, Moment, TrackedSession
 from pftrack_sim.trackers.isolation import Limits
 
-_NO_RATE_HZ = 30.0
-"""Of sequences and cameras that do not tell theirs."""
-
+_NO_RATE_HZ = 30.0  # Of sequences and cameras that do not tell theirs
 _FOVY_RAD = math.radians(50.0)
 
 

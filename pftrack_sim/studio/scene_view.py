@@ -23,28 +23,16 @@ from pftrack_sim.scene.layout import SCENERY_GROUP, owner_name
 from pftrack_sim.scene.scene_spec import geom_meshes
 from pftrack_sim.studio.tracked import Moment
 
-TRACKED, MACHINES = (40, 190, 90), (60, 90, 140)
-"""Colours of the ring around the person who is tracked and of the target's path, and of the robot and carts."""
-
-_YELLOW = (255, 200, 0)
-_OVERHEAD_M = 2.2
-"""What begins above is left out, so that one can look into a room from above."""
-
-_PICTURE_AT_M = 0.8
-"""Distance of the picture in front of the robot's camera."""
-
-_MARGIN = 1.08
-"""Of a view through the camera, around the picture."""
-
+_TRACKED = (40, 190, 90)  # Colour of the ring around the person who is tracked, and of the target's path
+_MACHINES, _YELLOW = (60, 90, 140), (255, 200, 0)  # Colours of the robot and carts, and of the camera
+_OVERHEAD_M = 2.2  # What begins above is left out, so that one can look into a room from above
+_PICTURE_AT_M = 0.8  # Distance of the picture in front of the robot's camera
+_MARGIN = 1.08  # Of a view through the camera, around the picture
 _FIELD_RAD = math.radians(75.0)
-_PATH_M = 0.03
-_RING_M = 0.45
-
-_BACK_M, _UP_M, _CLEAR_M = 4.0, 3.0, 0.4
-"""Where the view starts behind and above the robot's camera, and how far from what stands behind it."""
-
-_PLACE = (np.arange(6) == SCENERY_GROUP).astype(np.uint8)
-"""Groups of geoms that a ray to the back meets."""
+_PATH_M, _RING_M = 0.03, 0.45
+_BACK_M, _UP_M = 4.0, 3.0  # Where the view starts behind and above the robot's camera,
+_CLEAR_M = 0.4  # and how far from what stands behind it
+_PLACE = (np.arange(6) == SCENERY_GROUP).astype(np.uint8)  # Groups of geoms that a ray to the back meets
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +93,7 @@ class SceneView:
                 if geoms.size:
                     self._batches.append(self._batch(model, owner, shape, geoms, boxes[geoms]))
         self._build_camera(moment)
-        self._lines("/path", _on_the_ground(path_m), TRACKED)
+        self._lines("/path", _on_the_ground(path_m), _TRACKED)
         self.show(moment)
 
     def build_recording(self, moment: Moment) -> None:
@@ -135,7 +123,7 @@ class SceneView:
             ).astype(np.float32)
             batch.handle.batched_wxyzs = _wxyz(rotation)
             if batch.owner == moment.truth.name:
-                self._lines("/ring", _ring(moment.geom_m[batch.geoms].mean(axis=0)[:2]), TRACKED)
+                self._lines("/ring", _ring(moment.geom_m[batch.geoms].mean(axis=0)[:2]), _TRACKED)
         self._pose = moment.truth.T_world_camera
         self._camera.position = self._pose[:3, 3]
         self._camera.wxyz = _wxyz(self._pose[None, :3, :3])[0]
@@ -190,7 +178,7 @@ class SceneView:
             np.tile((1.0, 0.0, 0.0, 0.0), (len(geoms), 1)),
             np.zeros((len(geoms), 3)),
             batched_scales=np.maximum(boxes[:, 1], 1e-3),
-            batched_colors=np.array([_mean_colour(model, geom) for geom in geoms]) if is_person else MACHINES,
+            batched_colors=np.array([_mean_colour(model, geom) for geom in geoms]) if is_person else _MACHINES,
             lod="off",
         )
         if is_person:

@@ -31,11 +31,11 @@ _OFFERED = ("oracle", "stay", "ko2012", "lee2012", "kwon2005", "pftrack", "ncc",
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 _COOKIE = "pftrack-sim-studio"
+# The page reaches its own server only; viser unpacks its program in the page and evaluates text.
 _POLICY = (
     "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'; frame-src 'none'; object-src 'none'; "
     "base-uri 'none'; form-action 'none'"
 )
-"""The page reaches its own server only; viser unpacks its program in the page and evaluates text."""
 
 
 def import_viser() -> Any:

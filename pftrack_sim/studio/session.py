@@ -44,14 +44,12 @@ class Session(TrackedSession):
     ) -> None:
         super().__init__(settings, isolation=isolation, memory_mb=memory_mb)
         self._backend = backend
-        self.hand = np.zeros(4)
+        self.simulation: Simulation
+        self.hand: FloatArray
         """`(4,)` command of a person who drives: forward, turn, pan, tilt in [-1, 1]."""
+        self._controller: Controller | None
         self._world = 0
-        self._commands: list[FloatArray | None] = []
-        self.simulation = Simulation(settings.scenario(), backend=backend)
-        self._set_runners(settings.trackers)
-        self._controller: Controller | None = None
-        self._show(self._resumed(settings, ()))
+        self._restart(settings, ())
 
     @property
     def rate_hz(self) -> float:
@@ -162,7 +160,8 @@ class Session(TrackedSession):
         except BaseException:
             simulation.close()
             raise
-        self.simulation.close()
+        if self._world:
+            self.simulation.close()
         self.simulation = simulation
         held = [commands[-1]] * (simulation.periods - len(commands)) if commands else []
         self._commands = [*commands, *held]

@@ -21,8 +21,7 @@ from pftrack_sim.scenario.ranges import is_range
 SCRIPT, HAND = "script", "hand"
 """Drivers of the robot besides the controllers: the scenario's script, and the commands of a person."""
 
-STRONGEST = 4.0
-"""Severity at the right end of a slider."""
+_STRONGEST = 4.0  # Severity at the right end of a slider
 
 
 def drivers() -> list[str]:
@@ -75,8 +74,7 @@ class Settings:
         """
         if axis not in axes_by_name():
             raise UnknownNameError("stress axis", axis, axes_by_name())
-        table = self._axis(axis)
-        severity = physical / _at_severity_1(table)
+        severity = physical / _at_severity_1(self._axis(axis))
         return replace(self, overrides={**self.overrides, f"axes.{axis}.severity": severity})
 
     def physical(self, axis: str) -> float:
@@ -84,8 +82,8 @@ class Settings:
         return self._axis(axis).physical
 
     def strongest(self, axis: str) -> float:
-        """Headline of a stress axis at severity 4."""
-        return STRONGEST * _at_severity_1(self._axis(axis))
+        """The same at the right end of its slider."""
+        return _STRONGEST * _at_severity_1(self._axis(axis))
 
     def _axis(self, axis: str) -> Axis:
         return getattr(self.scenario().resolve(self.seed).axes, axis)

@@ -24,9 +24,9 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.render.overlay import draw_boxes
 from pftrack_sim.studio.settings import Settings
 
-MEMORY_MB = 400
-"""Memory for the frames that are kept."""
+MEMORY_MB = 400  # For the frames that are kept
 
+# Fields of the truth of a person of whom nothing is known in a frame.
 UNSEEN: Mapping[str, Any] = MappingProxyType(
     {
         "box": np.zeros(4),
@@ -36,13 +36,9 @@ UNSEEN: Mapping[str, Any] = MappingProxyType(
         "occluders": (),
     }
 )
-"""Fields of the truth of a person of whom nothing is known in a frame."""
 
-_SMALLEST_PX = 4.0
-"""Least width and height of a drawn box."""
-
-_SAME_PERSON = 0.3
-"""Overlap from which on a drawn box is that of a person."""
+_SMALLEST_PX = 4.0  # Least width and height of a drawn box
+_SAME_PERSON = 0.3  # Overlap from which on a drawn box is that of a person
 
 
 @dataclass(frozen=True, eq=False)
