@@ -14,7 +14,7 @@ from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.inputs import parse_toml, read_bytes
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario.axes import axes_by_name
-from pftrack_sim.scenario.extends import MEASURED
+from pftrack_sim.scenario.files import MEASURED
 from pftrack_sim.scenario.section import Section, setting
 
 _MAX_BYTES = 1 << 20

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tomllib
 import typing
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,25 +11,20 @@ from typing import Any, TypeAlias
 from pydantic import ValidationError
 
 from pftrack_sim.core.arguments import checked
-from pftrack_sim.core.calibration import read_calibration
-from pftrack_sim.core.data_files import envs_dir
-from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
-from pftrack_sim.core.inputs import MAX_DEPTH, MAX_TEXT, check_tree, is_file, parse_toml, read_bytes
-from pftrack_sim.core.named_files import named_digest
+from pftrack_sim.core.errors import ScenarioError
+from pftrack_sim.core.inputs import MAX_DEPTH, MAX_TEXT, check_tree
 from pftrack_sim.core.text import one_line
 from pftrack_sim.scenario import ranges
-from pftrack_sim.scenario.extends import extended
+from pftrack_sim.scenario.files import complete, read_scenario, with_files
 from pftrack_sim.scenario.frame_delivery import frame_count
 from pftrack_sim.scenario.model import AnyPlace, LightChange, ResolvedScenario
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted
 from pftrack_sim.scenario.robot import Route
 from pftrack_sim.scenario.validation import problems
 
-MAX_FILE_BYTES = 256 * 1024
-MAX_OVERRIDES = 1000
-MAX_ALTERNATIVES = 2000
-MAX_PROBLEMS = 40
-"""Bounds of a scenario's file, its overrides, the ends and alternatives of its ranges, and the problems listed."""
+_MAX_OVERRIDES = 1000
+_MAX_ALTERNATIVES = 2000  # Ends and alternatives of all ranges
+_MAX_PROBLEMS = 40  # That are listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +68,6 @@ class Scenario:
 ScenarioLike: TypeAlias = str | Path | Mapping[str, Any] | Scenario
 
 
-def names() -> list[str]:
-    """Names of the shipped scenarios, sorted: their paths in `envs/` without `.toml`."""
-    root = envs_dir()
-    found = (path.relative_to(root).with_suffix("").as_posix() for path in root.rglob("*.toml"))
-    return sorted(name for name in found if not name.startswith("suites/"))
-
-
 @checked
 def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> Scenario:
     """Load and validate a scenario.
@@ -100,130 +86,27 @@ def load(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> 
         loaded = scenario
     elif isinstance(scenario, Mapping):
         _check_tree("custom", scenario)
-        tree = _with_files("custom", ranges.replaced(scenario, {}), Path())
-        loaded = Scenario("custom", extended("custom", tree, _base, None))
+        loaded = Scenario("custom", complete("custom", ranges.replaced(scenario, {})))
     else:
-        loaded = _read(scenario)
+        loaded = Scenario(*read_scenario(scenario))
     tree = loaded.tree
     errors: list[str] = []
-    if len(overrides or {}) > MAX_OVERRIDES:
-        raise ScenarioError(loaded.name, [f"at most {MAX_OVERRIDES} overrides, got {len(overrides or {})}"])
+    if len(overrides or {}) > _MAX_OVERRIDES:
+        raise ScenarioError(loaded.name, [f"at most {_MAX_OVERRIDES} overrides, got {len(overrides or {})}"])
     for key, value in (overrides or {}).items():
         _check_tree(loaded.name, {key: value})
         tree, error = _set(tree, key, value)
         errors += [error] if error else []
     if overrides:
         _check_tree(loaded.name, tree)
-        tree = _with_files(loaded.name, tree, Path())
+        tree = with_files(loaded.name, tree, Path())
     # An override that shortens an episode cuts its actions off, now or when this Scenario was loaded.
     whole = not isinstance(scenario, Scenario) and "duration_s" not in (overrides or {})
     errors += _problems(tree, whole=whole)
     if errors:
-        more = [f"and {len(errors) - MAX_PROBLEMS} more"] if len(errors) > MAX_PROBLEMS else []
-        raise ScenarioError(loaded.name, [*errors[:MAX_PROBLEMS], *more])
+        more = [f"and {len(errors) - _MAX_PROBLEMS} more"] if len(errors) > _MAX_PROBLEMS else []
+        raise ScenarioError(loaded.name, [*errors[:_MAX_PROBLEMS], *more])
     return Scenario(loaded.name, tree)
-
-
-def _read(scenario: str | Path) -> Scenario:
-    path, name = _located(scenario, Path(scenario))
-    tree = _with_files(name, read_toml(path, name), path.parent)
-    return Scenario(name, extended(name, tree, _base, path.resolve()))
-
-
-def _base(name: str, named_in: Path | None) -> tuple[Path, Tree]:
-    """Path and tree of a base; a path is relative to the file that names it."""
-    path, name = _located(name, Path(name) if named_in is None else named_in.parent / name)
-    return path.resolve(), _with_files(name, read_toml(path, name), path.parent)
-
-
-def _with_files(name: str, tree: Tree, folder: Path) -> Tree:
-    """The tree with what the files that it names tell in their place; paths are relative to the folder."""
-    for table, key in (("place", "model"), ("robot", "model"), ("robot", "motion")):
-        tree = _with_file(name, tree, table, key, folder)
-    if ranges.is_mapping(target := tree.get("target")):
-        tree = {**tree, "target": _with_file(name, target, "thing", "model", folder, within="target.")}
-    tree = {**tree, "camera": _with_calibration(name, tree["camera"], folder, "camera")} if "camera" in tree else tree
-    if not ranges.is_list(cameras := tree.get("cameras")):
-        return tree
-    listed = [_with_calibration(name, one, folder, f"cameras.{index}") for index, one in enumerate(cameras)]
-    return {**tree, "cameras": listed}
-
-
-def _with_file(name: str, tree: Tree, table: str, key: str, folder: Path, *, within: str = "") -> Tree:
-    """The tree with the whole path of the file at a key of a table, and a digest of it and those that it names.
-
-    Of a choice between files it is the paths of all, and the digests of all.
-    """
-    own = tree.get(table, {})
-    given = own.get(key) if ranges.is_mapping(own) else None
-    choice = given.get("choice") if ranges.is_range(given) else None
-    files = [one for one in (choice if ranges.is_list(choice) else [given]) if isinstance(one, str)]
-    paths = {one: (folder / one).resolve() for one in files if not one.startswith("menagerie:")}
-    if not paths:
-        return tree
-    try:
-        if missing := [path for path in paths.values() if not is_file(path)]:
-            raise ParameterError(f"no such file: {one_line(str(missing[0]))}")
-        digests = [named_digest(path) for path in paths.values()]
-    except ParameterError as error:
-        raise ScenarioError(name, [f"{within}{table}.{key}: {error}"]) from None
-    whole = [str(paths.get(one, one)) if isinstance(one, str) else one for one in choice or [given]]
-    found = {key: {"choice": whole} if choice else whole[0], f"{key}_digest": " ".join(digests)}
-    return {**tree, table: {**own, **found}}
-
-
-def _with_calibration(name: str, camera: object, folder: Path, where: str) -> object:
-    """The table of a camera with what the file at its key `calibration` tells in its place."""
-    if not ranges.is_mapping(camera) or "calibration" not in camera:
-        return camera
-    own = dict(camera)
-    file = own.pop("calibration")
-    if file is None:
-        return own
-    try:
-        if not isinstance(file, str):
-            raise ParameterError(f"takes the path of a file, got {file!r}")
-        found = read_calibration(folder / file)
-        if found.size_px is None:
-            raise ParameterError(f"{file}: tells no width and height of its images")
-        width, height = found.size_px
-        (fx, _, cx), (_, fy, cy), _ = found.K.tolist()
-        calibrated = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "distortion": list(found.lens)}
-    except ParameterError as error:
-        raise ScenarioError(name, [f"{where}.calibration: {error}"]) from None
-    size = {"width_px": width, "height_px": height}
-    return {**size, **own, "calibrated": {**size, **calibrated}}
-
-
-def _located(scenario: str | Path, path: Path) -> tuple[Path, str]:
-    """The file of a scenario, by its name in `envs/` or else at a path, and its name in messages."""
-    if isinstance(scenario, str) and scenario in names():
-        return envs_dir() / f"{scenario}.toml", scenario
-    name = str(scenario)
-    if "\0" in name or not os.path.lexists(path):
-        if path.suffix == ".toml":
-            raise ScenarioError(one_line(name), ["no such file"])
-        raise UnknownNameError("scenario", name, names())
-    if path.is_dir():
-        raise ScenarioError(name, ["is a folder, not a TOML file"])
-    return path, name
-
-
-def read_toml(path: Path, name: str) -> Tree:
-    """Read a TOML file of bounded size and depth; `name` is named in the message.
-
-    Raises:
-        ScenarioError: It cannot be read, or is not TOML.
-    """
-    try:
-        return parse_toml(read_bytes(path, MAX_FILE_BYTES).decode())
-    except UnicodeDecodeError:
-        raise ScenarioError(one_line(name), ["cannot be read: it is no UTF-8 text"]) from None
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(one_line(name), [f"not valid TOML: {one_line(str(error))}"]) from None
-    except (OSError, ValueError) as error:
-        text = error.strerror if isinstance(error, OSError) else one_line(str(error))
-        raise ScenarioError(one_line(name), [f"cannot be read: {text}"]) from None
 
 
 def _check_tree(name: str, tree: object) -> None:
@@ -287,13 +170,13 @@ def _problems(tree: Tree, *, whole: bool) -> list[str]:
     if found:
         return found
     count = sum(len(values) for _, values in spans)
-    if count > MAX_ALTERNATIVES:
-        return [f"the ranges have {count} ends and alternatives together: at most {MAX_ALTERNATIVES} are checked"]
+    if count > _MAX_ALTERNATIVES:
+        return [f"the ranges have {count} ends and alternatives together: at most {_MAX_ALTERNATIVES} are checked"]
     base = {path: values[0] for path, values in spans}
     # Every end of every range, and what lies between, must be valid, so that validity does not depend on the seed.
     trials = [base] + [{**base, path: value} for path, values in spans for value in values[1:]]
     for trial in trials:
-        if len(found) > MAX_PROBLEMS:
+        if len(found) > _MAX_PROBLEMS:
             break
         candidate = ranges.replaced(tree, trial)
         try:

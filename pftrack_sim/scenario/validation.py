@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from pftrack_sim.core.errors import did_you_mean
-from pftrack_sim.scenario.extends import KEY
+from pftrack_sim.scenario.files import EXTENDS
 from pftrack_sim.scenario.model import ResolvedScenario
 from pftrack_sim.scenario.ranges import KeyPath, Tree, dotted, is_list, is_mapping
 
@@ -90,7 +90,7 @@ def _allowed_keys(path: KeyPath, tree: object, schema: dict[str, Any]) -> list[s
         node = next((one for one in node.get("anyOf", ()) if "$ref" in one), node)
         value = value[part]
     known = sorted(resolved_node(node, schema, value).get("properties", {}))
-    return [KEY, *known] if not path and schema is json_schema() else known
+    return [EXTENDS, *known] if not path and schema is json_schema() else known
 
 
 def resolved_node(node: Any, schema: dict[str, Any], value: Any) -> Any:
@@ -132,14 +132,14 @@ def editor_schema() -> dict[str, Any]:
     }
     required = schema.pop("required")
     base = {"type": "string", "minLength": 1}
-    schema["properties"][KEY] = {
+    schema["properties"][EXTENDS] = {
         "description": "Names or paths of scenarios, of which this one holds only what differs.",
         "anyOf": [base, {"type": "array", "items": base}],
     }
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         **schema,
-        "anyOf": [{"required": required}, {"required": [KEY]}],
+        "anyOf": [{"required": required}, {"required": [EXTENDS]}],
         "title": "pftrack_sim scenario",
     }
 

@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 from pftrack_sim.core.data_files import envs_dir
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
 from pftrack_sim.core.inputs import is_file
-from pftrack_sim.scenario.load import read_toml
+from pftrack_sim.scenario.files import read_toml
 from pftrack_sim.scenario.section import NotNegative, Positive, Section, Share
 from pftrack_sim.scenario.validation import problems
 
