@@ -160,18 +160,10 @@ def draw_rows(
     ids: NDArray[np.int32],
     inverse_depth: NDArray[np.float32],
 ) -> None:
-    """Draw geoms into `(h, w)` ids and inverse depths; a triangle that faces away has no pixels.
+    """Draw geoms into `(h, w)` ids and inverse depths [1/m], whose first pixel is at `left`, `top` of the image.
 
-    Args:
-        shapes: `(N,)` which to draw, see `Detail`.
-        triangles: Their triangles and those of others.
-        bounds: `(F, 4)` of the triangles, see `bound_triangles`.
-        readout: The frame.
-        rays: `(H, W, 3)` directions of the pixels' centres.
-        left: First column of the arrays in the image.
-        top: First row.
-        ids: `(h, w)` geom along each ray.
-        inverse_depth: `(h, w)` 1 / depth there [1/m].
+    A triangle that faces away has no pixels. `(N,)` shapes are those of `Detail`, `(F, 4)` bounds of their triangles
+    those of `bound_triangles`, and `(H, W, 3)` rays the directions of the pixels' centres.
     """
     height, width = ids.shape
     vertices, faces, vertex_starts, face_starts = triangles

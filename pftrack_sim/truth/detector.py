@@ -23,27 +23,22 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scenario.camera import seed_of_camera
 from pftrack_sim.scenario.model import ResolvedScenario
 
+# Shapes of the Weibull functions of `DetectorAxis`, from the miss rates in its source.
 _HEIGHT_POWER, _VISIBLE_POWER, _CONTRAST_POWER = 2.3, 1.6, 2.0
-"""Shapes of the Weibull functions of `DetectorAxis`, from the miss rates in its source."""
 _SCORE_POWER = 3.0
-_FALSE_MARGIN = 0.3
-"""Largest margin of a false alarm: its score is seldom that of a person."""
-_ASPECT = 0.41
-"""Width over height of pedestrians (Dollár et al. 2012, section 2.2)."""
+_FALSE_MARGIN = 0.3  # Largest margin of a false alarm: its score is seldom that of a person
+_ASPECT = 0.41  # Width over height of pedestrians (Dollár et al. 2012, section 2.2)
+# Logarithm of the least and greatest height of a false alarm as a share of the image's; uniform between them.
 _LOG_HEIGHT = math.log(0.1), math.log(0.8)
-"""Logarithm of the least and greatest height of a false alarm as a share of the image's; uniform between them."""
-_SAMPLES = 32
-"""Contrast is measured on at most this many rows and columns of a box."""
+_SAMPLES = 32  # Contrast is measured on at most this many rows and columns of a box
 _CHUNK = 64
 _TINY_S = 1e-9
 
 
 class DetectionModel:
-    """Detections of one episode.
+    """Detections of one episode, whose scenario describes the detector in `axes.detector`.
 
-    Args:
-        settings: Its scenario; `axes.detector` describes the detector.
-        seed: Root seed; the stream `"detector"` is used, of a seed of its own for each camera.
+    Of the root seed the stream `"detector"` is used, of a seed of its own for each camera.
     """
 
     def __init__(self, settings: ResolvedScenario, seed: int) -> None:
@@ -167,8 +162,7 @@ class _FalseAlarms:
 
     def __init__(self, size: tuple[int, int], per_frame: float, kept: float, seed: int) -> None:
         self._rng, self._size, self._kept, self._births = stream(seed, "detector"), size, kept, per_frame * (1.0 - kept)
-        self._alive = np.empty((0, 7))
-        """First frame and the one after the last, box, margin."""
+        self._alive = np.empty((0, 7))  # First frame and the one after the last, box, margin
         self._drawn = 0
         self._draw(self._rng.poisson(per_frame), 0)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple, cast
 
 import cv2
@@ -17,7 +17,7 @@ from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import ParameterError, UnknownNameError
 from pftrack_sim.core.photometry import LUMINANCE
 from pftrack_sim.core.records import DeferredPeople, Image, State, Truth, frozen_array
-from pftrack_sim.core.types import FloatArray
+from pftrack_sim.core.types import FloatArray, read_only
 from pftrack_sim.render.capture.frame_capture import CapturedFrame
 from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.renderer import checked_poses
@@ -28,30 +28,18 @@ from pftrack_sim.truth.captured import CapturedScene
 from pftrack_sim.truth.geometry import SceneGeometry
 from pftrack_sim.truth.silhouettes import InstantScene, PeopleInView, Scene, Shapes, Silhouette, poses_of
 
-_NO_DISTORTION = np.zeros(5)
-_NO_DISTORTION.setflags(write=False)
+_NO_DISTORTION = read_only(np.zeros(5))
 
 
 class _Frame(NamedTuple):
-    """What is known of everybody in one frame without silhouettes.
-
-    Attributes:
-        target: Index of the target among the people.
-        boxes: Amodal and swept box [px] of a person.
-        before: The same in the frame before; None for the first frame.
-        pelvis_m: `(P, 3)` places of the pelvises.
-        roots: `(P, 4, 4)` root poses.
-        pose: `(4, 4)` T_world_camera, read-only.
-        distortion: Coefficients of the lens, see `Truth`.
-        time_s: Time since the start of the episode.
-    """
+    """What is known of one frame, see `observe`; `target` is the index of a person, `pelvis_m` `(P, 3)`."""
 
     target: int
-    boxes: Callable[[int], tuple[FloatArray, FloatArray]]
-    before: Callable[[int], tuple[FloatArray, FloatArray]] | None
+    scene: Scene
+    image: Image | None
     pelvis_m: FloatArray
-    roots: FloatArray
-    pose: FloatArray
+    T_world_people: FloatArray
+    T_world_camera: FloatArray
     distortion: FloatArray
     time_s: float
 
@@ -99,27 +87,24 @@ class TruthObserver:
         for name, ids in zip(self._people, geoms, strict=True):
             if ids.size == 0:
                 raise ParameterError(f"{name!r} has no visible geoms of group {PEOPLE_GROUP}")
-        boxed = np.flatnonzero(in_group & np.isin(model.geom_bodyid, _bodies(model, people[0], parts)))
+        bodies = [model.body(f"{people[0]}/{part}").id for part in parts]
+        boxed = np.flatnonzero(in_group & np.isin(model.geom_bodyid, bodies))
         self._shapes = Shapes(model, self._segmenter, geoms, boxed)
-        self._has_parts = bool(parts)
         self._target = 0
         self._told = {self._people.index(name) for name in (people[0], *targets)} if targets else set[int]()
-        self._before: Callable[[int], tuple[FloatArray, FloatArray]] | None = None
-        """Boxes of a person in the last frame; None before the first."""
-        self._silhouette: Callable[[int], Silhouette | None] = lambda _: None
-        self._scene: Scene | None = None  # The last frame
+        self._last: PeopleInView | None = None  # Of the last frame
         self._unread = weakref.WeakValueDictionary[float, DeferredPeople]()
 
     @property
     def silhouettes(self) -> dict[str, Silhouette]:
         """Silhouettes in the last frame, by person, of those who may have a pixel in it."""
-        found = {name: self._silhouette(person) for person, name in enumerate(self._people)}
+        found = {} if self._last is None else {name: self._last.silhouette(k) for k, name in enumerate(self._people)}
         return {name: silhouette for name, silhouette in found.items() if silhouette is not None}
 
     def depth_m(self) -> NDArray[np.float32]:
         """`(H, W)` depth along the optical axis of what each pixel of the last frame shows; infinite for nothing."""
-        assert self._scene is not None
-        return self._scene.segment(PixelRect(0, 0, *self._size), np.flatnonzero(self._segmenter.drawn)).depth_m()
+        assert self._last is not None
+        return self._last.scene.segment(PixelRect(0, 0, *self._size), np.flatnonzero(self._segmenter.drawn)).depth_m()
 
     def track(self, name: str) -> None:
         """Tell of this person as the target from the next frame on.
@@ -164,7 +149,8 @@ class TruthObserver:
         self._check(image, T_world_people)
         pose, roots = frozen_array(checked_poses(T_world_camera), (4, 4)), np.array(T_world_people, dtype=np.float64)
         scene = InstantScene(self._segmenter, self._shapes.bounds, self._view(data, pose))
-        return self._observe(scene, image, data.xpos[self._pelvis], roots, pose, _NO_DISTORTION, float(time_s))
+        pelvis_m = data.xpos[self._pelvis]
+        return self._observe(_Frame(self._target, scene, image, pelvis_m, roots, pose, _NO_DISTORTION, float(time_s)))
 
     def observe_captured(self, captured: CapturedFrame, image: Image | None, time_s: float) -> Sequence[Truth]:
         """Truth of the next frame, taken by a `FrameCapture`; poses and distances are at `middle_s` of its shutter.
@@ -176,49 +162,28 @@ class TruthObserver:
         pose, distortion = frozen_array(captured.T_world_camera, (4, 4)), captured.capture.lens.coefficients
         scene = CapturedScene(self._segmenter, self._shapes.bounds, captured)
         pelvis_m = captured.body_positions[self._pelvis]
-        return self._observe(scene, image, pelvis_m, roots, pose, distortion, float(time_s))
+        return self._observe(_Frame(self._target, scene, image, pelvis_m, roots, pose, distortion, float(time_s)))
 
-    def _observe(
-        self,
-        scene: Scene,
-        image: Image | None,
-        pelvis_m: FloatArray,
-        roots: FloatArray,
-        pose: FloatArray,
-        distortion: FloatArray,
-        time_s: float,
-    ) -> Sequence[Truth]:
-        view = PeopleInView(self._shapes, scene, self._size)
-
-        def boxes_of(person: int) -> tuple[FloatArray, FloatArray]:
-            known, row = (view.all, person) if person else (view.first, int(self._has_parts))
-            return known.boxes[row], known.swept[row]
-
-        frame = _Frame(self._target, boxes_of, self._before, pelvis_m, roots, pose, distortion, time_s)
-        self._before, self._silhouette, self._scene = boxes_of, view.silhouette, scene
+    def _observe(self, frame: _Frame) -> Sequence[Truth]:
+        view, before = PeopleInView(self._shapes, frame.scene, self._size), self._last
+        self._last = view
 
         def others() -> tuple[Truth, ...]:
-            rest = (person for person in range(len(roots)) if person != frame.target)
-            found = (self._truth(frame, person, view.silhouette(person), image) for person in rest)
+            rest = (person for person in range(len(self._people)) if person != frame.target)
+            found = (self._truth(frame, person, view, before) for person in rest)
             return tuple(one for one in found if one is not None)
 
-        target = cast("Truth", self._truth(frame, frame.target, view.silhouette(frame.target), image))
+        target = cast("Truth", self._truth(frame, frame.target, view, before))
         people = self._unread[frame.time_s] = DeferredPeople(target, others)
         return people
 
     def extents_m(self, data: mujoco.MjData, T_world_people: ArrayLike) -> FloatArray:
-        """`(P, 2, 3)` smallest and largest coordinates of each person's body in its own frame.
-
-        Args:
-            data: Positions.
-            T_world_people: `(P, 4, 4)` root poses, as for `observe`.
-        """
+        """`(P, 2, 3)` smallest and largest coordinates of each person's body in its own frame, by its root pose."""
         roots = np.asarray(T_world_people, dtype=np.float64)
         positions, rotations = poses_of(data, self._shapes.geoms)
         bodies, ends = self._shapes.bodies, list[tuple[FloatArray, FloatArray]]()
-        for person, root in enumerate(roots):
-            first = int(bodies.starts[person])
-            last = int(bodies.starts[person + 1]) if person + 1 < len(bodies.starts) else len(bodies.vertices)
+        starts = [*bodies.starts, len(bodies.vertices)]
+        for root, first, last in zip(roots, starts, starts[1:], strict=False):
             world = [bodies.vertices[part] @ rotations[part].T + positions[part] for part in range(first, last)]
             local = (np.concatenate(world) - root[:3, 3]) @ root[:3, :3]
             ends.append((local.min(axis=0), local.max(axis=0)))
@@ -243,9 +208,9 @@ class TruthObserver:
         if image is not None and image.shape != (height, width, 3):
             raise ParameterError(f"the image must have shape ({height}, {width}, 3), got {image.shape}")
 
-    def _truth(self, frame: _Frame, person: int, silhouette: Silhouette | None, image: Image | None) -> Truth | None:
+    def _truth(self, frame: _Frame, person: int, view: PeopleInView, before: PeopleInView | None) -> Truth | None:
         """Truth of a person; None for others than targets without an amodal pixel in the image."""
-        amodal, swept = frame.boxes(person)
+        silhouette, (amodal, swept) = view.silhouette(person), view.boxes(person)
         box, truncation = _clipped(amodal, *self._size)
         inside = 0 if silhouette is None else int(np.count_nonzero(silhouette.amodal))
         # Of a target selected by its trunk, the trunk's box may be outside the image while a leg is inside.
@@ -260,12 +225,12 @@ class TruthObserver:
             left, top, *visible_size = cv2.boundingRect(visible)
             visible_box = np.array([rect.left + left, rect.top + top, *visible_size], dtype=np.float64)
             fraction = seen / inside
-            if image is not None:
-                luminance = float(np.dot(cv2.mean(image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
+            if frame.image is not None:
+                luminance = float(np.dot(cv2.mean(frame.image[rect.slices], visible)[:3], LUMINANCE)) / 255.0
         if not present:
             box[2:] = 0.0
         box.setflags(write=False)
-        motion_px = 0.0 if frame.before is None else math.dist(_centre(amodal), _centre(frame.before(person)[0]))
+        motion_px = 0.0 if before is None else math.dist(_centre(amodal), _centre(before.boxes(person)[0]))
         return Truth(
             name=self._people[person],
             box=box,
@@ -276,9 +241,9 @@ class TruthObserver:
             truncation=truncation,
             state=state,
             occluders=() if silhouette is None or (inside and seen == inside) else self._occluders(silhouette),
-            distance_m=math.dist(frame.pelvis_m[person].tolist(), frame.pose[:3, 3].tolist()),
-            T_world_camera=frame.pose,
-            T_world_target=frozen_array(frame.roots[person]),
+            distance_m=math.dist(frame.pelvis_m[person].tolist(), frame.T_world_camera[:3, 3].tolist()),
+            T_world_camera=frame.T_world_camera,
+            T_world_target=frozen_array(frame.T_world_people[person]),
             K=self._K,
             distortion=frame.distortion,
             time_s=frame.time_s,
@@ -291,10 +256,6 @@ class TruthObserver:
         counts = np.bincount(self._owner_ids[silhouette.occluding_geoms()], minlength=len(self._owner_names)).tolist()
         names = ((-count, name) for count, name in zip(counts, self._owner_names, strict=True) if count)
         return tuple(name for _, name in sorted(names))
-
-
-def _bodies(model: mujoco.MjModel, name: str, parts: Sequence[str]) -> list[int]:
-    return [model.body(f"{name}/{part}").id for part in parts]
 
 
 def _pelvis(model: mujoco.MjModel, name: str) -> int:

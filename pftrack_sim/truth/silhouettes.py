@@ -21,10 +21,9 @@ from pftrack_sim.render.segmentation import Segmentation, Segmenter
 
 @dataclass(frozen=True, eq=False)
 class Silhouette:
-    """Silhouette of one person.
+    """Silhouette of one person in a rectangle of the image.
 
     Attributes:
-        rect: Rectangle of the image that contains it.
         amodal: `(h, w)` pixels of the whole person.
         visible: `(h, w)` pixels that show the person.
         top: `(h, w)` ids of the geoms in front, valid on the amodal pixels.
@@ -57,12 +56,9 @@ class Measured(NamedTuple):
 
 
 class Scene(ABC):
-    """What a frame shows of the geoms of a model.
+    """What a frame shows of the geoms of a model, of whose bounding boxes `bounds` are.
 
-    Args:
-        segmenter: Segmenter of the model.
-        bounds: Bounding boxes of its geoms.
-        view: Scene and camera at the time of the frame; what is far there is drawn by coarser meshes.
+    `view` is scene and camera at the time of the frame; what is far there is drawn by coarser meshes.
     """
 
     def __init__(self, segmenter: Segmenter, bounds: Bounds, view: View) -> None:
@@ -101,19 +97,13 @@ class InstantScene(Scene):
 
 
 class Shapes:
-    """Shapes of the people of one model.
+    """Shapes of the people of one model, by the visible geoms of each.
 
-    Args:
-        model: The model.
-        segmenter: Its segmenter.
-        geoms: Visible geoms of each person.
-        parts: Geoms of the first person whose box is wanted, too; none of them for none.
+    `parts` are geoms of the first person whose box is wanted, too; none of them for none.
 
     Attributes:
-        bodies: Shapes of the people, then of the parts.
-        geoms: Geom ids of all parts of `bodies`.
-        first: Shapes of the first person, then of the parts.
-        first_geoms: Geom ids of all parts of `first`.
+        bodies: Shapes of the people, then of the parts; `geoms`: geom ids of all their parts.
+        first: Shapes of the first person, then of the parts; `first_geoms`: the same of these.
         geoms_of: Visible geoms of each person.
         masks: `(P, ngeom + 1)` which geoms are a person's; the last one is id -1, no geom.
         bounds: Bounding boxes of all geoms.
@@ -136,18 +126,23 @@ class PeopleInView:
     """People in an image `size` wide and high [px], found when they are first asked for."""
 
     def __init__(self, shapes: Shapes, scene: Scene, size: tuple[int, int]) -> None:
-        self._shapes, self._scene, self._size = shapes, scene, size
+        self._shapes, self.scene, self._size = shapes, scene, size
         self._found: dict[int, Silhouette | None] = {}
 
     @cached_property
     def first(self) -> Measured:
         """Measures of the first person, and of the parts."""
-        return self._scene.measure(self._shapes.first, self._shapes.first_geoms)
+        return self.scene.measure(self._shapes.first, self._shapes.first_geoms)
 
     @cached_property
     def all(self) -> Measured:
         """Measures of all people, and of the parts."""
-        return self._scene.measure(self._shapes.bodies, self._shapes.geoms)
+        return self.scene.measure(self._shapes.bodies, self._shapes.geoms)
+
+    def boxes(self, person: int) -> tuple[FloatArray, FloatArray]:
+        """Amodal and swept box `(4,)` of a person [px]; of the first that of the parts, where there are any."""
+        known, row = (self.all, person) if person else (self.first, -1)
+        return known.boxes[row], known.swept[row]
 
     def silhouette(self, person: int) -> Silhouette | None:
         """Silhouette of a person; None for one without pixels in the image."""
@@ -156,7 +151,7 @@ class PeopleInView:
         return self._found[person]
 
     def _find(self, person: int) -> Silhouette | None:
-        known, shapes, scene = self.all if person else self.first, self._shapes, self._scene
+        known, shapes, scene = self.all if person else self.first, self._shapes, self.scene
         rect = _pixels_around(known.boxes[person], self._size)
         if rect is None:
             return None
