@@ -193,9 +193,7 @@ class TruthObserver:
         """What every pixel of an image through a pinhole shows, from a `(4, 4)` camera pose, and how far it is."""
         view = self._view(data, T_world_camera)
         drawn = self._segmenter.segment(view, PixelRect(0, 0, *self._size))
-        rotations = view.geom_xmat.reshape(-1, 3, 3)
-        depth_m = drawn.depth_m().astype(np.float64)
-        return SceneGeometry(drawn.ids, depth_m, T_world_camera, self._K, view.geom_xpos, rotations, view.near_m)
+        return SceneGeometry(drawn.ids, drawn.depth_m().astype(np.float64), view)
 
     def _view(self, data: mujoco.MjData, pose: FloatArray) -> View:
         return View(data.geom_xpos.copy(), data.geom_xmat.copy(), pose, self._K, self._segmenter.near_m)

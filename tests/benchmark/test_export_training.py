@@ -90,9 +90,9 @@ def test_depth_and_flow_are_those_of_the_scene(coco: Path):
             assert np.abs(depths[index] - geometry.depth_m)[known].max() <= 0.5 / 256 + 1e-9
             # The floor is at height 0, whatever the pose of the camera: depth is right where it is seen.
             rows, columns = np.nonzero(known)
-            slopes = np.linalg.inv(geometry.K) @ np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
-            points = geometry.T_world_camera[:3, :3] @ (slopes * geometry.depth_m[known])
-            height = points[2] + geometry.T_world_camera[2, 3]
+            slopes = np.linalg.inv(geometry.view.K) @ np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
+            points = geometry.view.T_world_camera[:3, :3] @ (slopes * geometry.depth_m[known])
+            height = points[2] + geometry.view.T_world_camera[2, 3]
             names = np.array([simulation.world.model.geom(int(one)).name for one in geometry.ids[known]])
             floor = np.char.find(names, "floor") >= 0
             assert floor.sum() > 1000
