@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias, Unpack, cast
+from typing import Any, ClassVar, Literal, TypeAlias, Unpack, cast
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, model_validator
 
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.scenario.people import Action, Lowering, Run, Stop, Turn
@@ -211,8 +211,6 @@ class TargetAxis(Axis, name="target", headline="per_minute", unit="manoeuvres / 
         return self.severity * self.leave_s
 
 
-Part: TypeAlias = Literal["change", "colour", "flicker", "pools", "patches", "noise"]
-
 WHITE_K = 6504.0  # Colour temperature of the light that the scenarios are drawn in
 WARMEST_K, COLDEST_K = 2000.0, 25000.0  # Range of colour temperatures without negative primaries
 
@@ -224,7 +222,7 @@ class LightAxis(Axis, name="light", headline="dim_ev", unit="EV"):
     repeats every `every_s`.
     """
 
-    parts: tuple[Part, ...] = setting(
+    parts: tuple[Literal["change", "colour", "flicker", "pools", "patches", "noise"], ...] = setting(
         ("change", "colour", "flicker", "pools", "patches", "noise"),
         "Which changes; the others are left out. 'noise': the sensor's at gain 1, which dark frames show.",
         min_length=1,
@@ -316,10 +314,7 @@ class LightAxis(Axis, name="light", headline="dim_ev", unit="EV"):
         return 1e6 / min(1e6 / WARMEST_K, max(1e6 / COLDEST_K, mired))
 
 
-Source: TypeAlias = Literal["wind", "ground", "road"]
-Coefficient: TypeAlias = Annotated[float, Field(ge=-10.0, le=10.0)]
 RoadClass: TypeAlias = Literal["A", "B", "C", "D", "E"]
-
 
 MAX_SHAKE_DEG, MAX_SHAKE_MM = 40.0, 10_000.0
 """Strongest shake of the axis at any severity, RMS of each of pitch, yaw and roll [deg], and along x, y and z [mm]."""
@@ -328,7 +323,9 @@ MAX_SHAKE_DEG, MAX_SHAKE_MM = 40.0, 10_000.0
 class JitterAxis(Axis, name="jitter", headline="angular_rms_deg", unit="deg RMS"):
     """Camera shake from the three sources of Ko et al. 2012: wind, ground vibration and road roughness."""
 
-    sources: tuple[Source, ...] = setting(("wind", "ground", "road"), "Active sources.", min_length=1, max_length=8)
+    sources: tuple[Literal["wind", "ground", "road"], ...] = setting(
+        ("wind", "ground", "road"), "Active sources.", min_length=1, max_length=8
+    )
     wind_rms_deg: NotNegative = setting(0.5, "Gusts: RMS of each of pitch, yaw and roll.")
     wind_corner_hz: float = setting(
         0.8, "Gusts: frequency above which they fade (spectrum 1 / (1 + (f / corner)^2)).", gt=0, le=20
@@ -377,11 +374,11 @@ class RollingShutterAxis(Axis, name="rolling_shutter", headline="readout_ms", un
 class DistortionAxis(Axis, name="distortion", headline="radial", unit="|k1|"):
     """Brown-Conrady lens distortion in OpenCV's parameters; at severity 0 a pinhole camera."""
 
-    k1: Coefficient = setting(-0.125, "Radial, r^2: negative is a barrel, positive a cushion.")
-    k2: Coefficient = setting(0.04, "Radial, r^4.")
-    p1: Coefficient = setting(0.0, "Tangential: the sensor is tilted about the horizontal.")
-    p2: Coefficient = setting(0.0, "Tangential: the sensor is tilted about the vertical.")
-    k3: Coefficient = setting(0.0, "Radial, r^6.")
+    k1: float = number(-0.125, -10.0, 10.0, "Radial, r^2: negative is a barrel, positive a cushion.")
+    k2: float = number(0.04, -10.0, 10.0, "Radial, r^4.")
+    p1: float = number(0.0, -10.0, 10.0, "Tangential: the sensor is tilted about the horizontal.")
+    p2: float = number(0.0, -10.0, 10.0, "Tangential: the sensor is tilted about the vertical.")
+    k3: float = number(0.0, -10.0, 10.0, "Radial, r^6.")
 
     @property
     def coefficients(self) -> tuple[float, float, float, float, float]:

@@ -25,8 +25,6 @@ def arrivals(settings: ResolvedScenario, seed: int) -> Iterator[int]:
 def frame_count(settings: ResolvedScenario, seed: int) -> int:
     """Number of frames delivered in one episode, at least 2."""
     taken = settings.frame_count
-    if not settings.axes.stream.on:
-        return taken
     return max(2, sum(1 for _ in itertools.takewhile(lambda index: index < taken, arrivals(settings, seed))))
 
 

@@ -52,8 +52,6 @@ class BesideRoute(Section):
 Route: TypeAlias = Annotated[StillRoute | WaypointRoute | TrailRoute | BesideRoute, Field(discriminator="kind")]
 
 
-Character: TypeAlias = Literal["steady", "careful", "average", "hasty"]
-
 # A careful, an average and a hasty operator; None is the default.
 _CHARACTERS: dict[str, tuple[float | None, float | None, float | None]] = {
     "reaction_s": (0.25, 0.3, 0.35),
@@ -91,7 +89,9 @@ class Operator(Section):
     route, with the target in the middle. Robots driven by actions have no operator.
     """
 
-    character: Character = setting("steady", "Gives the keys left out the values of this kind of operator.")
+    character: Literal["steady", "careful", "average", "hasty"] = setting(
+        "steady", "Gives the keys left out the values of this kind of operator."
+    )
     reaction_s: float = number(0.0, 0, 1, "Delay of the response to a movement of the target; 0.2 to 0.4 in people.")
     dead_zone_deg: float = number(6.0, 0, 20, "Errors of direction that the operator leaves as they are.")
     head_hz: float = number(

@@ -32,9 +32,7 @@ def quaternion(rotation: FloatArray) -> FloatArray:
 def mesh_corners(model: Any, mesh: int) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
     """A mesh with one vertex for each different place, normal and texture coordinate.
 
-    Returns:
-        `(V, 3)` places [m], `(V, 3)` normals, `(V, 2)` texture coordinates, or `(0, 2)` without any, and `(F, 3)`
-        triangles.
+    `(V, 3)` places [m] and normals, `(V, 2)` texture coordinates, or `(0, 2)` without any, and `(F, 3)` triangles.
     """
     faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
     textured = model.mesh_texcoordadr[mesh] >= 0

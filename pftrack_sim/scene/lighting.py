@@ -7,7 +7,7 @@ hence the coded values, and with them the colour of every light, by 2**(EV / 2.2
 from __future__ import annotations
 
 import math
-from typing import Literal, TypeAlias
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -17,19 +17,15 @@ from pftrack_sim.scenario.axes import LightAxis
 from pftrack_sim.scenario.model import LightRamp, Lights, LightStep
 from pftrack_sim.scene.layout import SKY
 
-LightGroup: TypeAlias = Literal["all", "sun", "lamps"]
-
 _LAMP_LIGHT = "light/lamp"
 _LAMP_MATERIAL = "glow-lamp"
 
 
-def ev(lights: Lights, time_s: float, group: LightGroup) -> float:
+def ev(lights: Lights, time_s: float, group: Literal["all", "sun", "lamps"]) -> float:
     """Stops of light of a group at a time, relative to the place's own light.
 
     `"sun"` and `"lamps"` follow the changes of their group and of `"all"`, `"all"` only the latter; changes add up.
     """
-    if not lights.schedule:
-        return lights.ev
     changes = [change for change in lights.schedule if change.lights in ("all", group)]
     return lights.ev + sum(change.ev * _progress(change, time_s) for change in changes)
 

@@ -141,10 +141,9 @@ def _bands(position_px: FloatArray, repeat_px: float, half_px: float) -> FloatAr
 def _accent_shares(
     pattern: Pattern, down: FloatArray, around: FloatArray, repeat_px: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Shares of the accent colour in [0, 1] by rows from the top `(h, 1)` and columns from the front `(w,)` [px].
+    """Shares of the accent colour by rows from the top `(h, 1)` and columns from the front `(w,)` [px].
 
-    Returns:
-        An array that broadcasts to `(h, w)`.
+    They are in [0, 1] and broadcast to `(h, w)`.
     """
     match pattern:
         case "plain":

@@ -19,19 +19,14 @@ from pftrack_sim.scene.scene_spec import NO_CONTACT, SceneSpec, add_bumper, add_
 
 _STATURE_M = 1.75  # For which the table is
 _UNPOSED_Z_M = -9.0
-_TYRE, _RIM, _SPOKE = "black", "steel", "steel"
 _AROUND, _ACROSS = 32, 8  # Points of a tyre
 _CAPSULE, _ELLIPSOID, _BOX = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_ELLIPSOID, mujoco.mjtGeom.mjGEOM_BOX
 
 
 class Part(NamedTuple):
-    """A rigid part.
+    """A rigid part at `(3,)` in the frame of the whole, with the radius of a wheel, and its row of the table.
 
-    Attributes:
-        at_m: `(3,)` its origin in the frame of the whole.
-        turns: "" fixed, "wheel", "steer", "steered-wheel" or "crank".
-        radius_m: Of a wheel.
-        shapes: Its row of the table.
+    What `turns` is "" where it is fixed, "wheel", "steer", "steered-wheel" or "crank".
     """
 
     name: str
@@ -106,17 +101,17 @@ def _add_wheel(spec: SceneSpec, body: mujoco.MjsBody, part: Part, factor: float)
     """Add tyre, spokes, and the rim that hands push, outside of the tyre."""
     _, thick, spokes = part.shapes["tyre"]
     outer, thick = part.radius_m, factor * thick
-    _add_ring(spec, body, outer - thick, thick, 0.0, _TYRE)
+    _add_ring(spec, body, outer - thick, thick, 0.0, "black")
     if "rim" in part.shapes:
         radius, thin, aside = factor * np.array(part.shapes["rim"])
-        _add_ring(spec, body, radius, thin, float(np.sign(part.at_m[1]) * aside), _RIM)
+        _add_ring(spec, body, radius, thin, float(np.sign(part.at_m[1]) * aside), "steel")
     for index in range(spokes):
         angle = np.pi * index / spokes
         end = (outer - thick) * np.array([np.cos(angle), 0.0, np.sin(angle)])
         size = [max(0.0022, 0.08 * thick), 0.0, 0.0]
-        body.add_geom(type=_CAPSULE, size=size, fromto=[*-end, *end], **_drawn(_SPOKE))
+        body.add_geom(type=_CAPSULE, size=size, fromto=[*-end, *end], **_drawn("steel"))
     hub = 1.6 * thick
-    body.add_geom(type=_CAPSULE, size=[thick, 0.0, 0.0], fromto=[0.0, -hub, 0.0, 0.0, hub, 0.0], **_drawn(_SPOKE))
+    body.add_geom(type=_CAPSULE, size=[thick, 0.0, 0.0], fromto=[0.0, -hub, 0.0, 0.0, hub, 0.0], **_drawn("steel"))
 
 
 def _add_ring(

@@ -80,11 +80,7 @@ def texture(name: str) -> Texture:
 
 
 def add_material(spec: SceneSpec, name: str) -> None:
-    """Add a material and its texture to the spec, unless it has them.
-
-    Raises:
-        PftrackError: The image is missing from the installation.
-    """
+    """Add a material and its texture to the spec, unless it has them."""
     if spec.material(name) is not None:
         return
     image = _TABLE["images"].get(name, name)

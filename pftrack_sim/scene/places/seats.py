@@ -20,14 +20,9 @@ _PROPS: dict[str, tuple[dict[str, str], Collider]] = {
 
 @dataclass(frozen=True)
 class Seat:
-    """A seat behind a person.
+    """A seat, of a kind of the catalogue, behind a person of some stature, who sits down in its middle.
 
-    Attributes:
-        kind: Prop of the catalogue.
-        x_m: Of the feet of the person who sits in its middle, while standing in front of it.
-        y_m: The same.
-        heading_rad: Where this person looks.
-        height_m: Stature of this person.
+    x, y are of the person's feet while standing in front of it, and `heading_rad` is where the person looks.
     """
 
     kind: Literal["bench", "couch"]
