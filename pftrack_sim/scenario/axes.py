@@ -6,7 +6,7 @@ First those of what happens in the scene, then those of the camera and of the li
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Literal, TypeAlias, Unpack, cast
 
 from pydantic import ConfigDict, model_validator
@@ -112,14 +112,12 @@ class OcclusionAxis(Axis, name="occlusion", headline="duration_s", unit="s"):
         """The end of the first cover: before it, a higher severity leaves fewer frames."""
         return self.end_s
 
-    @model_validator(mode="after")
-    def _covers_fit(self) -> OcclusionAxis:
+    def _contradictions(self) -> Iterator[str]:
         length = self.severity * self.duration_s
         if self.count and length > self.end_s:
-            raise ValueError(f"a cover of {length:g} s cannot end at end_s = {self.end_s:g}: it would begin before 0 s")
+            yield f"a cover of {length:g} s cannot end at end_s = {self.end_s:g}: it would begin before 0 s"
         if self.count > 1 and length > self.every_s:
-            raise ValueError(f"every_s must be at least the {length:g} s that each cover lasts, got {self.every_s:g}")
-        return self
+            yield f"every_s must be at least the {length:g} s that each cover lasts, got {self.every_s:g}"
 
 
 class DistractorsAxis(Axis, name="distractors", headline="count", unit="people"):
@@ -250,13 +248,11 @@ class LightAxis(Axis, name="light", headline="dim_ev", unit="EV"):
     auto_white_balance: bool = setting(False, "Whether the camera holds the first frame's mean colour.")
     white_balance_lag_s: NotNegative = setting(1.5, "White balance: time constant; 0: at once.")
 
-    @model_validator(mode="after")
-    def _a_change_ends_before_the_next(self) -> LightAxis:
+    def _contradictions(self) -> Iterator[str]:
         changed_s = 2.0 * self._ramp_s + self.hold_s
         if changed_s > self.every_s:
             needed = f"two ramps and hold_s, {changed_s:g} s at severity 1"
-            raise ValueError(f"every_s must leave room for {needed}, got {self.every_s:g}")
-        return self
+            yield f"every_s must leave room for {needed}, got {self.every_s:g}"
 
     @property
     def _ramp_s(self) -> float:
@@ -335,16 +331,14 @@ class JitterAxis(Axis, name="jitter", headline="angular_rms_deg", unit="deg RMS"
     ground_band_hz: Band = setting((1.0, 5.0), "Vibration: lowest and highest frequency.")
     road_class: RoadClass = setting("B", "Roughness of the road by ISO 8608: A (very good) to E (very poor).")
 
-    @model_validator(mode="after")
-    def _shake_is_bounded(self) -> JitterAxis:
+    def _contradictions(self) -> Iterator[str]:
         if self.physical > MAX_SHAKE_DEG:
-            raise ValueError(
+            yield (
                 f"the camera may shake by at most {MAX_SHAKE_DEG:g} deg RMS, got {self.physical:g} deg: severity "
                 f"{self.severity:g} times {self.angular_rms_deg:g} deg"
             )
         if (far_mm := self.severity * self.ground_rms_mm) > MAX_SHAKE_MM:
-            raise ValueError(f"the camera may shake by at most {MAX_SHAKE_MM:g} mm RMS, got {far_mm:g} mm")
-        return self
+            yield f"the camera may shake by at most {MAX_SHAKE_MM:g} mm RMS, got {far_mm:g} mm"
 
     @property
     def angular_rms_deg(self) -> float:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Literal, TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from pftrack_sim.core.random_streams import stream
 from pftrack_sim.scenario.people import NAME
@@ -58,15 +59,13 @@ class Camera(Section):
     calibration: str | None = setting(None, "YAML file of ROS, OpenCV or Kalibr, read into `calibrated`.")
     calibrated: CalibratedLens | None = setting(None, "Camera matrix and lens in the place of `fovy_deg`.")
 
-    @model_validator(mode="after")
-    def _of_one_size(self) -> Camera:
+    def _contradictions(self) -> Iterator[str]:
         own = self.calibrated
         if own is not None and (own.width_px, own.height_px) != (self.width_px, self.height_px):
-            raise ValueError(
+            yield (
                 f"the calibration is of images of {own.width_px} x {own.height_px}: set camera.width_px and "
                 f"camera.height_px to these, got {self.width_px} x {self.height_px}"
             )
-        return self
 
     @property
     def K(self) -> NDArray[np.float64]:

@@ -7,11 +7,12 @@ x forward at the robot's start. The JSON Schema for editors is derived from thes
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError
 
 from pftrack_sim.core.errors import UnknownNameError
 from pftrack_sim.scenario.axes import Axes
@@ -132,11 +133,9 @@ class LightRamp(_LightChange):
     from_s: NotNegative = setting(..., "Time at which the ramp begins.")
     to_s: NotNegative = setting(..., "Time at which the ramp ends.")
 
-    @model_validator(mode="after")
-    def _ends_after_it_begins(self) -> LightRamp:
+    def _contradictions(self) -> Iterator[str]:
         if self.from_s >= self.to_s:
-            raise ValueError(f"to_s must be later than from_s, got from_s={self.from_s:g}, to_s={self.to_s:g}")
-        return self
+            yield f"to_s must be later than from_s, got from_s={self.from_s:g}, to_s={self.to_s:g}"
 
 
 LightChange: TypeAlias = Annotated[LightStep | LightRamp, Field(discriminator="kind")]
@@ -217,38 +216,31 @@ class ResolvedScenario(Section):
     occluders: tuple[Occluder, ...] = setting((), "Occlusions, each at its time.", max_length=32)
     follow: Follow = Follow()
 
-    @model_validator(mode="after")
-    def _targets_are_people(self) -> ResolvedScenario:
+    def _contradictions(self) -> Iterator[str]:
         counts = {"distractor": self.distractors.count, "member": sum(one.count for one in self.groups)}
         people = [f"{kind}-{number}" for kind, count in counts.items() for number in range(1, count + 1)]
         for index, one in enumerate(self.targets):
             if one.name in self.target_names[: index + 1] or (one.path_m and _RESERVED.fullmatch(one.name)):
-                raise ValueError(f"targets.{index}.name: {one.name!r} is the name of somebody else: choose another")
+                yield f"targets.{index}.name: {one.name!r} is the name of somebody else: choose another"
             if not one.path_m and one.name not in people:
                 unknown = UnknownNameError("person without a path_m", one.name, people)
-                raise ValueError(f"targets.{index}.name: {unknown}")
+                yield f"targets.{index}.name: {unknown}"
         if self.tracked not in (known := [*dict.fromkeys([*self.target_names, *people])]):
-            raise ValueError(f"tracked: {UnknownNameError('person', self.tracked, known)}")
-        return self
-
-    @model_validator(mode="after")
-    def _cameras_are_possible(self) -> ResolvedScenario:
+            yield f"tracked: {UnknownNameError('person', self.tracked, known)}"
         names = self.camera_names
         for place, name in enumerate(names):
             where = "camera" if place == 0 else f"cameras.{place - 1}"
             if name in names[:place]:
-                raise ValueError(f"{where}.name: {name!r} is the name of another camera: choose another")
+                yield f"{where}.name: {name!r} is the name of another camera: choose another"
             try:
                 own = self.seen_by(name).camera.calibrated
             except ValidationError as error:
-                raise ValueError(f"{where}: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
+                yield f"{where}: {error.errors()[0]['msg'].removeprefix('Value error, ')}"
+                continue
             if own is not None and len(own.distortion) == 4 and any(self.axes.distortion.coefficients):
-                raise ValueError(
-                    f"axes.distortion: is of Brown's model, and {where}.calibrated of an equidistant lens: set 0"
-                )
+                yield f"axes.distortion: is of Brown's model, and {where}.calibrated of an equidistant lens: set 0"
         if self.viewed not in names:
-            raise ValueError(f"viewed: {UnknownNameError('camera', self.viewed, names)}")
-        return self
+            yield f"viewed: {UnknownNameError('camera', self.viewed, names)}"
 
     @property
     def camera_names(self) -> tuple[str, ...]:

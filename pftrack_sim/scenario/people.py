@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from pftrack_sim.scenario.clothes import Clothes
 from pftrack_sim.scenario.mobility import ABLE, TOP_SHARE, TOP_SPEED_M_S, USUAL_SPEED_M_S, Mobility
@@ -249,20 +249,25 @@ class Target(Section):
 
     carries: tuple[Carried, ...] = setting((), "What it carries, or picks up on its way.", max_length=100)
 
-    @model_validator(mode="after")
-    def _path_can_be_walked(self) -> Target:
+    def _contradictions(self) -> Iterator[str]:
+        yield from self._wrong_path()
+        yield from self._wrong_thing()
+        yield from self._wrong_actions()
+        yield from self._wrong_load()
+        yield from self._wrong_mobility()
+
+    def _wrong_path(self) -> Iterator[str]:
         if self.path == "points" and self.pushed and len(self.path_m) != 1:
-            raise ValueError(
+            yield (
                 f"path_m of a thing that is pushed must be the one point where it lies at first, got "
                 f"{len(self.path_m)}; or set path = 'auto'"
             )
         different = len(dict.fromkeys(self.path_m))
         if self.path == "points" and not self.pushed and different < 2:
-            raise ValueError(f"path_m must have at least 2 different points, got {different}; or set path = 'auto'")
+            yield f"path_m must have at least 2 different points, got {different}; or set path = 'auto'"
         length_m = sum(math.dist(one, other) for one, other in itertools.pairwise(self.path_m))
         if length_m > MAX_PATH_M:
-            raise ValueError(f"path_m must be at most {MAX_PATH_M:g} m long, got {length_m:g} m")
-        return self
+            yield f"path_m must be at most {MAX_PATH_M:g} m long, got {length_m:g} m"
 
     @property
     def carried(self) -> bool:
@@ -290,38 +295,33 @@ class Target(Section):
             return min(GAZE_M, _GAZE_SHARE * self._tall_m)
         return _HANDS_SHARE * self.height_m if self.carried else 0.5 * self.thing.height_m
 
-    @model_validator(mode="after")
-    def _thing_is_possible(self) -> Target:
+    def _wrong_thing(self) -> Iterator[str]:
         thing, walks = self.thing, self.thing is None or self.carried
         if thing is not None and self.init == "torso":
-            raise ValueError(f"init = 'torso' needs a person, and the target is a thing ({thing.name!r})")
+            yield f"init = 'torso' needs a person, and the target is a thing ({thing.name!r})"
         if thing is not None and self.carries:
-            raise ValueError("carries: a target that is a thing carries nothing, nor has its bearer a free hand")
+            yield "carries: a target that is a thing carries nothing, nor has its bearer a free hand"
         for index, one in enumerate(self.actions):
             if thing is not None and self.pushed:
-                raise ValueError(f"{title(index, one)}: {thing.name!r} is pushed: give it target.thing.pushes")
+                yield f"{title(index, one)}: {thing.name!r} is pushed: give it target.thing.pushes"
             if thing is not None and isinstance(one, _ON_FOOT) and (not walks or one.kind == "wave"):
                 needed = "free hands" if walks else "legs"
-                raise ValueError(f"{title(index, one)} needs {needed}, and {thing.name!r} is {thing.moves}")
-        return self
+                yield f"{title(index, one)} needs {needed}, and {thing.name!r} is {thing.moves}"
 
-    @model_validator(mode="after")
-    def _actions_do_not_overlap(self) -> Target:
+    def _wrong_actions(self) -> Iterator[str]:
         order = sorted(enumerate(self.actions), key=lambda one: one[1].at_s)
         for first, second in itertools.pairwise(order):
             if end_s(first[1]) > second[1].at_s:
-                raise ValueError(f"actions must not overlap, got {title(*first)} and {title(*second)}")
-        return self
+                yield f"actions must not overlap, got {title(*first)} and {title(*second)}"
 
-    @model_validator(mode="after")
-    def _hands_are_free(self) -> Target:
+    def _wrong_load(self) -> Iterator[str]:
         items: list[Item] = [one.item for one in self.carries]
         if len(set(items)) < len(items):
-            raise ValueError(f"carries must be different items, got {', '.join(items)}")
+            yield f"carries must be different items, got {', '.join(items)}"
         busy = [hand for item in items for hand in _HANDS[item]]
         if len(set(busy)) < len(busy):
             needs = "a box needs both hands, a bag the left, an umbrella the right"
-            raise ValueError(f"carries need more than two hands: {', '.join(items)} ({needs})")
+            yield f"carries need more than two hands: {', '.join(items)} ({needs})"
         held = {one.item: one.from_start for one in self.carries}
         lowerings = sorted((one for one in self.actions if isinstance(one, Lowering)), key=lambda one: one.at_s)
         for action, taken in itertools.product(lowerings, (False, True)):
@@ -329,7 +329,7 @@ class Target(Section):
             if item is None:
                 continue
             if held.get(item, taken) is taken:
-                raise ValueError(
+                yield (
                     f"the {action.kind} at {action.at_s:g} s {'picks up' if taken else 'puts down'} {item!r}: it must "
                     f"be in carries (got {', '.join(items) or 'none'}), {'not ' if taken else ''}carried by then"
                 )
@@ -337,39 +337,32 @@ class Target(Section):
         never = [one.item for one in self.carries if not one.from_start and not grips_s(one, self.actions)]
         if never:
             why = f"a bend or crouch must pick it up (picks_up = {never[0]!r})"
-            raise ValueError(f"{never[0]!r} is not carried from the start: {why}")
-        return self
-
-    @model_validator(mode="after")
-    def _tall_enough(self) -> Target:
+            yield f"{never[0]!r} is not carried from the start: {why}"
         sits = [title(index, one) for index, one in enumerate(self.actions) if isinstance(one, Sit)]
         tall = [*sits, *("carrying a bag" for one in self.carries if one.item == "bag")]
         if tall and self.height_m < _BENCH_M:
-            raise ValueError(f"{tall[0]} needs a height_m of {_BENCH_M} or more, got {self.height_m:g}")
-        return self
+            yield f"{tall[0]} needs a height_m of {_BENCH_M} or more, got {self.height_m:g}"
 
-    @model_validator(mode="after")
-    def _rides_or_pushes(self) -> Target:
+    def _wrong_mobility(self) -> Iterator[str]:
         if self.uses is None:
-            return self
+            return
         if self.thing is not None:
-            raise ValueError(f"uses = {self.uses!r} needs a person, and the target is a thing ({self.thing.name!r})")
+            yield f"uses = {self.uses!r} needs a person, and the target is a thing ({self.thing.name!r})"
         for one in self.carries:
             if one.item != "backpack":
-                raise ValueError(f"uses = {self.uses!r} needs both hands: carries {one.item!r}")
+                yield f"uses = {self.uses!r} needs both hands: carries {one.item!r}"
             if self.uses == "wheelchair":
-                raise ValueError(f"uses = {self.uses!r} has a back where carries {one.item!r} would be")
+                yield f"uses = {self.uses!r} has a back where carries {one.item!r} would be"
         with_it = self.uses if self.uses == "crutches" else f"a {self.uses}"
         for index, one in enumerate(self.actions):
             if one.kind not in ABLE[self.uses]:
                 able = ", ".join(sorted(ABLE[self.uses]))
-                raise ValueError(f"{title(index, one)} is not possible with {with_it} (possible: {able})")
+                yield f"{title(index, one)} is not possible with {with_it} (possible: {able})"
         paces = {f"{title(index, one)}: ": one for index, one in enumerate(self.actions) if isinstance(one, Pace)}
         for where, one in {"": self, **paces}.items():
             if one.speed_m_s > TOP_SPEED_M_S.get(self.uses, math.inf):
                 most = f"at most {TOP_SPEED_M_S[self.uses]:g} ({USUAL_SPEED_M_S[self.uses]:g} is usual)"
-                raise ValueError(f"{where}uses = {self.uses!r} needs a speed_m_s of {most}, got {one.speed_m_s:g}")
-        return self
+                yield f"{where}uses = {self.uses!r} needs a speed_m_s of {most}, got {one.speed_m_s:g}"
 
 
 class FurtherTarget(Section):
@@ -394,16 +387,13 @@ class FurtherTarget(Section):
         """The person as a target is described."""
         return Target(**{key: value for key, value in self if key != "name"})
 
-    @model_validator(mode="after")
-    def _can_be_walked(self) -> FurtherTarget:
-        if not self.path_m:
-            if self != FurtherTarget.model_construct(name=self.name):
-                raise ValueError(f"{self.name!r} has no path_m: it is somebody who is there, without other keys")
-            return self
-        if any(isinstance(one, Sit) for one in self.actions):
-            raise ValueError("actions: a further target has no seat to sit on")
-        _ = self.person
-        return self
+    def _contradictions(self) -> Iterator[str]:
+        if self.path_m and any(isinstance(one, Sit) for one in self.actions):
+            yield "actions: a further target has no seat to sit on"
+        if self.path_m:
+            _ = self.person  # Raises what is wrong with it
+        elif self != FurtherTarget.model_construct(name=self.name):
+            yield f"{self.name!r} has no path_m: it is somebody who is there, without other keys"
 
 
 class Distractors(Section):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal, TypeAlias, cast
 
 from pydantic import Field, model_validator
@@ -225,17 +225,15 @@ class Robot(Section):
     latency_ms: float = number(0.0, 0, 2000, "Delay from a command to the motors, rounded to the physics step.")
     odometry_error_percent: float = number(0.5, 0, 20, "Standard deviation of the odometry's wheel radii and track.")
 
-    @model_validator(mode="after")
-    def _of_a_model(self) -> Robot:
+    def _contradictions(self) -> Iterator[str]:
         given = [key for key in _ROLES if getattr(self, key) != type(self).model_fields[key].default]
         if self.model is None and given:
-            raise ValueError(f"{', '.join(given)}: about the file of a robot: set robot.model, too")
+            yield f"{', '.join(given)}: about the file of a robot: set robot.model, too"
         if (self.drive == "ackermann") != (self.wheelbase_m is not None):
-            raise ValueError("drive = 'ackermann' and wheelbase_m, from the rear axle to the front one, go together")
+            yield "drive = 'ackermann' and wheelbase_m, from the rear axle to the front one, go together"
         if self.drive == "motors" and given != ["drive"]:
             given.remove("drive")
-            raise ValueError(f"{', '.join(given)}: has no effect with drive = 'motors', which takes the file as it is")
-        return self
+            yield f"{', '.join(given)}: has no effect with drive = 'motors', which takes the file as it is"
 
     @property
     def half_width_m(self) -> float:

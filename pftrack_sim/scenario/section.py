@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 Coordinate: TypeAlias = Annotated[float, Field(ge=-500.0, le=500.0)]
 Point: TypeAlias = tuple[Coordinate, Coordinate]  # x, y on the ground [m], world frame
@@ -30,6 +31,16 @@ class Section(BaseModel):
     """Base of every table: frozen, unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="null")
+
+    def _contradictions(self) -> Iterable[str]:
+        """What is wrong with values that do not go together; the first of them refuses the table."""
+        return ()
+
+    @model_validator(mode="after")
+    def _without_contradictions(self) -> Self:
+        for wrong in self._contradictions():
+            raise ValueError(wrong)
+        return self
 
 
 def setting(default: Any, meaning: str, **bounds: Any) -> Any:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Literal
 
-from pydantic import field_validator, model_validator
+from pydantic import field_validator
 
 from pftrack_sim.core.data_files import asset_table
 from pftrack_sim.core.errors import UnknownNameError
@@ -67,17 +67,11 @@ class Thing(Section):
         atlases = (names for _, _, names in table["atlases"].values())
         return _known("surface", name, [*table["tilings"], *itertools.chain(*atlases)])
 
-    @model_validator(mode="after")
-    def _it_is_something(self) -> Thing:
+    def _contradictions(self) -> Iterator[str]:
         if self.prop is None and self.model is None:
-            raise ValueError("needs prop, the name of a prop, or model, a file of meshes")
-        return self
-
-    @model_validator(mode="after")
-    def _only_what_is_pushed_has_pushes(self) -> Thing:
+            yield "needs prop, the name of a prop, or model, a file of meshes"
         if self.pushes and self.moves != "pushed":
-            raise ValueError(f"pushes need moves = 'pushed', got {self.moves!r}")
-        return self
+            yield f"pushes need moves = 'pushed', got {self.moves!r}"
 
     @property
     def name(self) -> str:
