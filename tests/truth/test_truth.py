@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import weakref
 from collections.abc import Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -25,17 +24,21 @@ SIZE = WIDTH, HEIGHT
 LEVEL = looking((0, 0, 1.0), (5, 0, 1.0))
 
 
-def alone(at: tuple[float, float, float] = (4.0, 0.0, 0.0), **options: Any) -> Stage:
-    stage = build(people=1, pillars=0, ground=False, **options)
-    # Out of the way: the robot's mast.
+def without_mast(people: int, *, pillars: int = 0, ground: bool = False) -> Stage:
+    """A stage whose robot is not in the way."""
+    stage = build(people=people, pillars=pillars, ground=ground)
     stage.model.body_pos[stage.model.body("robot/mast").id] = (-9.0, 0.0, 0.0)
+    return stage
+
+
+def alone(at: tuple[float, float, float] = (4.0, 0.0, 0.0), *, ground: bool = False) -> Stage:
+    stage = without_mast(1, ground=ground)
     stage.place("target", at)
     return stage
 
 
 def test_a_target_behind_the_camera_is_out_of_view_and_still_listed():
-    stage = alone((-4.0, 0.0, 0.0))
-    truth = observed(stage, LEVEL)["target"]
+    truth = observed(alone((-4.0, 0.0, 0.0)), LEVEL)["target"]
     assert truth.state == "out_of_view"
     assert np.isnan(truth.amodal_box).all()
     assert np.isnan(truth.visible_box).all()
@@ -46,8 +49,7 @@ def test_a_target_behind_the_camera_is_out_of_view_and_still_listed():
 
 
 def test_a_target_beside_the_view_has_an_amodal_box_and_no_pixels():
-    stage = alone((2.0, 6.0, 0.0))
-    truth = observed(stage, LEVEL)["target"]
+    truth = observed(alone((2.0, 6.0, 0.0)), LEVEL)["target"]
     assert truth.state == "out_of_view"
     assert np.isfinite(truth.amodal_box).all()
     assert truth.amodal_box[0] + truth.amodal_box[2] < 0
@@ -56,8 +58,7 @@ def test_a_target_beside_the_view_has_an_amodal_box_and_no_pixels():
 
 
 def test_a_target_that_fills_the_frame():
-    stage = alone((0.25, 0.0, -0.2))
-    truth = observed(stage, LEVEL)["target"]
+    truth = observed(alone((0.25, 0.0, -0.2)), LEVEL)["target"]
     assert truth.state == "visible"
     assert truth.box.tolist() == [0, 0, WIDTH, HEIGHT]
     assert truth.truncation > 0.5
@@ -76,8 +77,7 @@ def test_a_camera_inside_the_target():
 
 
 def test_a_target_at_sixty_metres_is_a_few_pixels():
-    stage = alone((60.0, 0.0, 0.0))
-    truth = observed(stage, LEVEL)["target"]
+    truth = observed(alone((60.0, 0.0, 0.0)), LEVEL)["target"]
     assert truth.state == "visible"
     assert 4 < truth.amodal_box[3] < 10
     assert truth.visible_fraction == 1.0
@@ -85,8 +85,7 @@ def test_a_target_at_sixty_metres_is_a_few_pixels():
 
 
 def test_a_target_beyond_the_far_plane_is_out_of_view():
-    stage = alone((FAR + 5.0, 0.0, 0.0))
-    truth = observed(stage, LEVEL)["target"]
+    truth = observed(alone((FAR + 5.0, 0.0, 0.0)), LEVEL)["target"]
     assert truth.state == "out_of_view"
     assert boxes.area(truth.box) == 0.0
 
@@ -96,8 +95,7 @@ def test_a_target_beyond_the_far_plane_is_out_of_view():
     [("left", (0.0, 1.75, 0.0)), ("right", (0.0, -1.75, 0.0)), ("top", (0.0, 0.0, 1.4)), ("bottom", (0.0, 0.0, -1.9))],
 )
 def test_a_target_cut_by_an_edge(edge: str, offset: tuple[float, float, float]):
-    stage = alone((3.0 + offset[0], offset[1], offset[2]))
-    truth = observed(stage, LEVEL)["target"]
+    truth = observed(alone((3.0 + offset[0], offset[1], offset[2])), LEVEL)["target"]
     x, y, w, h = truth.amodal_box
     outside = {"left": x < 0, "right": x + w > WIDTH, "top": y < 0, "bottom": y + h > HEIGHT}
     assert [name for name, out in outside.items() if out] == [edge]
@@ -111,18 +109,17 @@ def test_a_target_cut_by_an_edge(edge: str, offset: tuple[float, float, float]):
 
 
 def test_a_fully_occluded_target_names_its_occluders():
-    spec_stage = build(people=2, pillars=2, ground=False)
+    stage = without_mast(2, pillars=2)
     for name, at in (("target", (5.0, 0.0, 0.0)), ("distractor-1", (1.2, 0.35, -0.2))):
-        spec_stage.place(name, at)
-    model = spec_stage.model
+        stage.place(name, at)
+    model = stage.model
     wall, other = model.body("pillar-2").id, model.body("pillar-1").id
     model.body_pos[other] = (-9, 0, 0)
-    model.body_pos[model.body("robot/mast").id] = (-9, 0, 0)
     model.body_pos[wall] = (3.0, 0.0, 1.0)
     model.geom_size[model.body_geomadr[wall]] = (0.1, 3.0, 3.0)
     model.geom_aabb[model.body_geomadr[wall], 3:] = (0.1, 3.0, 3.0)
-    mujoco.mj_forward(model, spec_stage.data)
-    truths = observed(spec_stage, LEVEL)
+    mujoco.mj_forward(model, stage.data)
+    truths = observed(stage, LEVEL)
     target = truths["target"]
     assert target.state == "occluded"
     assert target.visible_fraction == 0.0
@@ -147,8 +144,7 @@ def test_people_and_the_robot_are_named_as_occluders():
 
 
 def test_of_two_at_equal_depth_the_larger_geom_is_in_front_as_in_one_drawing():
-    stage = build(people=2, pillars=0, ground=False)
-    stage.model.body_pos[stage.model.body("robot/mast").id] = (-9.0, 0.0, 0.0)
+    stage = without_mast(2)
     for name in stage.people:
         stage.place(name, (4.0, 0.0, 0.0))
     truths = observed(stage, LEVEL)
@@ -208,10 +204,7 @@ def test_observing_changes_no_argument():
 
 def test_the_ground_covers_feet_that_are_in_it():
     for height in (0.01, -0.02):
-        stage = build(people=1, pillars=0)
-        stage.model.body_pos[stage.model.body("robot/mast").id] = (-9.0, 0.0, 0.0)
-        stage.place("target", (4.0, 0.0, height))
-        truth = observed(stage, LEVEL)["target"]
+        truth = observed(alone((4.0, 0.0, height), ground=True), LEVEL)["target"]
         assert truth.occluders == (() if height > 0 else ("ground",))
         assert (truth.visible_fraction == 1.0) == (height > 0)
 
