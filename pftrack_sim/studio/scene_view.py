@@ -48,11 +48,8 @@ class _Batch:
 class SceneView:
     """The 3D view of a viser server.
 
-    Args:
-        server: The server.
-        on_person: Called with the name of a person who is clicked.
-        on_picture: Called with the shares of width and height at which the picture is clicked.
-        on_box: Called with the `(4,)` x, y, w, h, in shares of width and height, of a box that is drawn on the picture.
+    It calls `on_person` with the name of a person who is clicked, `on_picture` with the shares of width and height at
+    which the picture is clicked, and `on_box` with such `(4,)` x, y, w, h of a box that is drawn on the picture.
     """
 
     def __init__(

@@ -53,12 +53,9 @@ def import_viser() -> Any:
 class Gate:
     """Decides which requests reach the server.
 
-    A browser that opens the address with its token gets a cookie; the page's connection needs that cookie. Requests
-    that a page of another site makes are refused: browsers let any page connect to this machine.
-
-    Args:
-        token: What the address must hold; None where the server is bound to this machine.
-        most: Number of pages that may be open at once.
+    A browser that opens the address with its token, which is None where the server is bound to this machine, gets a
+    cookie; the page's connection needs that cookie. Requests that a page of another site makes are refused: browsers
+    let any page connect to this machine. At most so many pages are open at once.
     """
 
     def __init__(self, token: str | None, most: int) -> None:
@@ -86,7 +83,7 @@ class Gate:
 
     def cookie(self, path: str) -> str | None:
         """Cookie to set for a request that holds the token in its address."""
-        if self.token is None or not self._right(_query_token(path)):
+        if not self._right(_query_token(path)):
             return None
         return f"{_COOKIE}={self.token}; HttpOnly; SameSite=Strict; Path=/"
 

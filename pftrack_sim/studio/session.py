@@ -25,9 +25,8 @@ from pftrack_sim.trackers.isolation import Limits
 class Session(TrackedSession):
     """A simulated episode with trackers in it, from the first frame on.
 
-    The simulation belongs to the thread that made the session, as its graphics context does.
-
-    Arguments are those of `TrackedSession`, and the renderer's name.
+    The simulation belongs to the thread that made the session, as its graphics context does. Arguments are those of
+    `TrackedSession`, and the renderer's name.
 
     Raises:
         ScenarioError: The scenario is wrong or impossible.
@@ -83,14 +82,11 @@ class Session(TrackedSession):
         return self.moment
 
     def change(self, settings: Settings) -> str:
-        """Take other settings.
+        """See `TrackedSession`.
 
         Axes of the camera and of the link act from the next frame on. Whatever else differs starts the episode
         again with the new settings and, unless the scenario itself or the seed is another, lets the world move on to
         the present time under the same commands.
-
-        Returns:
-            What was done, in a sentence.
 
         Raises:
             ScenarioError: They are impossible.

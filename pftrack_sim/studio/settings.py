@@ -34,10 +34,8 @@ class Settings:
     """What a studio shows.
 
     Attributes:
-        name: Scenario: a name in `envs/` or the path of a TOML file.
-        seed: Root seed of the episode.
+        name: Of a scenario in `envs/`, or the path of a TOML file.
         overrides: Dotted keys and values.
-        trackers: The trackers that see the frames.
         driver: `"script"`, `"hand"`, or the name of a controller, which takes the boxes of the first tracker.
 
     Raises:

@@ -46,8 +46,7 @@ class Moment:
     """One frame as it was shown.
 
     Attributes:
-        frame: The frame.
-        truth: Truth of the person who is tracked.
+        truth: Of the person who is tracked.
         estimates: Of each tracker that has one, by label.
         ms: Time that each tracker took.
         periods: Camera periods since the start of the episode.
@@ -159,15 +158,9 @@ class TrackedSession(ABC):
         return None
 
     def select_box(self, box: ArrayLike) -> str:
-        """Start all trackers with a box on the present frame.
+        """Start all trackers with a `(4,)` box [px] on the present frame, less what lies outside, and say so.
 
         A person whose true box overlaps it by 0.3 or more becomes the target; otherwise the target stays.
-
-        Args:
-            box: `(4,)` x, y, w, h [px]; what lies outside the image is cut off.
-
-        Returns:
-            What was done, in a sentence.
 
         Raises:
             BoxError: It is no box, or less than 4 px of it in width or height are inside the image.
