@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pftrack_sim.core.data_files import asset_table
-from pftrack_sim.core.types import FloatArray
 from pftrack_sim.scene.layout import SCENERY_GROUP, WalkableArea
 from pftrack_sim.scene.places.builder import Item, PlaceBuilder
 from pftrack_sim.scene.places.materials import add_skybox
 from pftrack_sim.scene.scene_spec import NO_CONTACT, SceneSpec
 
-PREFIX = "room-"
 MOST_TRIANGLES = 400_000
 
 
@@ -108,14 +106,7 @@ def distinct_names(names: Iterable[str]) -> list[str]:
     seen: dict[str, int] = {}
     found: list[str] = []
     for name in names:
-        plain = PREFIX + (re.sub(r"[^A-Za-z0-9_.-]+", "-", name).strip("-")[:60] or "part")
+        plain = "room-" + (re.sub(r"[^A-Za-z0-9_.-]+", "-", name).strip("-")[:60] or "part")
         seen[plain] = seen.get(plain, 0) + 1
         found.append(plain if seen[plain] == 1 else f"{plain}-{seen[plain]}")
     return found
-
-
-def box_triangles(middle: FloatArray, half: FloatArray) -> FloatArray:
-    """`(12, 3, 3)` triangles of a box along the axes."""
-    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64) * half + middle
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return corners[[side for a, b, c, d in quads for side in ((a, b, c), (a, c, d))]]

@@ -15,14 +15,7 @@ from pftrack_sim.scene.compiled_model import colours, mesh_corners, quaternion, 
 from pftrack_sim.scene.places.builder import Item
 from pftrack_sim.scene.places.meshes import TexturedMesh
 from pftrack_sim.scene.places.navigation import area_of, floor_height_m, grid_of
-from pftrack_sim.scene.places.room import (
-    MOST_TRIANGLES,
-    Room,
-    Solid,
-    Surface,
-    box_triangles,
-    distinct_names,
-)
+from pftrack_sim.scene.places.room import MOST_TRIANGLES, Room, Solid, Surface, distinct_names
 
 _GEOM = mujoco.mjtGeom
 _LEAST_OPACITY = 0.5  # What is more transparent is left out, the rest is opaque: the truth knows nothing between
@@ -54,9 +47,7 @@ def read_mjcf(place: MjcfPlace) -> Room:
     floor_m = floor_height_m(triangles) if place.floor_m is None else place.floor_m
     area = area_of(grid_of(triangles, floor_m))
     surfaces = {f"room/{geom}": _surface(model, geom, rgba[geom]) for geom in np.flatnonzero(drawn).tolist()}
-    items, solids = list[Item](), list[Solid]()
-    down = np.array([0.0, 0.0, floor_m])
-    owners = _owners(model)
+    solids, owners, down = list[Solid](), _owners(model), np.array([0.0, 0.0, floor_m])
     meshes: dict[str, list[TexturedMesh]] = {}
     for geom in np.flatnonzero(drawn).tolist():
         name, position = f"room/{geom}", data.geom_xpos[geom] - down
@@ -67,8 +58,8 @@ def read_mjcf(place: MjcfPlace) -> Room:
             continue
         form = {"type": _GEOM(int(model.geom_type[geom])), "size": model.geom_size[geom].tolist(), "material": name}
         solids.append(Solid(owners[geom], {**form, "pos": position, "quat": quaternion(data.geom_xmat[geom])}))
-    items += [Item(owner, tuple(parts)) for owner, parts in meshes.items()]
-    return Room(area, tuple(items), tuple(solids), surfaces, _lights(model, data, floor_m))
+    items = tuple(Item(owner, tuple(parts)) for owner, parts in meshes.items())
+    return Room(area, items, tuple(solids), surfaces, _lights(model, data, floor_m))
 
 
 def _owners(model: Any) -> list[str]:
@@ -112,7 +103,7 @@ def _triangles(model: Any, data: Any, geoms: IntArray) -> FloatArray:
             faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
             local = model.mesh_vert[model.mesh_vertadr[mesh] + model.mesh_face[faces]].astype(np.float64)
         else:
-            local = box_triangles(*boxes[geom])
+            local = _box_triangles(*boxes[geom])
         found.append(local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
     corners = np.concatenate([one.reshape(-1, 3) for one in found]) if found else np.zeros((1, 3))
     low, high = corners.min(axis=0) - _AROUND_M, corners.max(axis=0) + _AROUND_M
@@ -127,6 +118,13 @@ def _triangles(model: Any, data: Any, geoms: IntArray) -> FloatArray:
     if not found:
         raise ParameterError("there is nothing in it that is drawn or collides")
     return np.concatenate(found)
+
+
+def _box_triangles(middle: FloatArray, half: FloatArray) -> FloatArray:
+    """`(12, 3, 3)` triangles of a box along the axes."""
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64) * half + middle
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return corners[[side for a, b, c, d in quads for side in ((a, b, c), (a, c, d))]]
 
 
 def _lights(model: Any, data: Any, floor_m: float) -> tuple[Mapping[str, Any], ...]:
