@@ -55,14 +55,11 @@ class DetectionModel:
         self._ready_s: float | None = None
 
     def detect(self, people: Sequence[Truth], image: Image | None = None) -> Detections:
-        """Detections that are there at the time of a frame.
+        """Detections, by score, of the latest frame whose detector has finished at the time of a frame.
 
         Args:
             people: Truth of everybody in view in this frame, of which one at least; frames come in their order.
             image: `(H, W, 3)` the frame; None: contrast limits nothing.
-
-        Returns:
-            Detections of the latest frame whose detector has finished, by score; before the first, none.
         """
         if isinstance(people, DeferredPeople) and not self._axis.latency_s:
             return Detections.deferred(lambda: self._of_frame(people, image))

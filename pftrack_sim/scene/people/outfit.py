@@ -56,8 +56,7 @@ class Outfit:
     Attributes:
         long_sleeves: Sleeves reach the wrist; else they end above the elbow.
         long_legs: Trousers reach the ankle; else they end above the knee.
-        cut: Of the top: a shirt, a jacket that covers the hips and has a row of buttons or is open, or a jumper with a
-            hood.
+        cut: Of the top; a jacket covers the hips and has a row of buttons or is open, a jumper has a hood.
         skirt: In place of trousers, where the figure is feminine.
         looseness: 0 for tight, 1 for wide.
     """

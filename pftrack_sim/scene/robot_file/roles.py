@@ -58,10 +58,8 @@ class Hinge(NamedTuple):
 
     Attributes:
         body: That it moves; -1 where there is none.
-        anchor_m: `(3,)` a point of its axis, in the frame of the base.
-        axis: `(3,)` unit vector.
-        rest_rad: What it reads in the pose of the file.
-        range_rad: Least and greatest of what it reads.
+        anchor_m: `(3,)` a point of its axis, a `(3,)` unit vector, in the frame of the base.
+        rest_rad: What it reads in the pose of the file; `range_rad`: least and greatest of what it reads.
     """
 
     body: int
