@@ -13,7 +13,7 @@ import importlib.metadata
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
@@ -90,12 +90,7 @@ def environment() -> dict[str, str]:
 
 def environment_digest(known: Environment, *, scoring: bool) -> str:
     """Digest of an environment; without what scores it is that of what determines frames."""
-    return _environment_digest(frozenset(known.items()), scoring)
-
-
-@lru_cache(maxsize=16)
-def _environment_digest(entries: frozenset[tuple[str, str]], scoring: bool) -> str:
-    return digest(sorted(entry for entry in entries if scoring or entry[0] != SCORING))
+    return digest(sorted(entry for entry in known.items() if scoring or entry[0] != SCORING))
 
 
 def package_version(name: str) -> str | None:

@@ -6,6 +6,7 @@ It runs in any process on any machine; workers and the parent need no common dis
 from __future__ import annotations
 
 import contextlib
+import shutil
 import tempfile
 import threading
 from collections.abc import Callable, Generator, Iterable
@@ -202,8 +203,7 @@ def _run(job: EpisodeJob, on_frame: Callable[[], None], processes: TrackerProces
 def _drawn(job: EpisodeJob, log: TruthLog) -> Generator[Iterable[Sample]]:
     """Frames of an episode in open loop, from the cache, or drawn and kept there; in the block `log` receives them.
 
-    Raises:
-        DamagedEntry: The frames came from the cache, and are not those that were drawn.
+    Raises DamagedEntry where those from the cache are not those that were drawn.
     """
     # Logs hold what the robot sensed, which is not in the cache.
     episode, cache = job.episode, job.cache if not job.logs else None
@@ -212,7 +212,7 @@ def _drawn(job: EpisodeJob, log: TruthLog) -> Generator[Iterable[Sample]]:
         yield cached.samples()
         log.graphics = cached.graphics
         if log.frames_digest != cached.frames_digest:
-            cache.remove(entry)
+            shutil.rmtree(entry, ignore_errors=True)
             raise DamagedEntry
         return
     with ExitStack() as opened:

@@ -72,7 +72,7 @@ class FrameCache:
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
-            self.remove(entry)
+            shutil.rmtree(entry, ignore_errors=True)
             return None
         with contextlib.suppress(OSError):
             os.utime(entry)
@@ -113,10 +113,6 @@ class FrameCache:
         finally:
             shutil.rmtree(part, ignore_errors=True)
 
-    def remove(self, entry: Path) -> None:
-        """Remove an entry; one that is absent is fine."""
-        shutil.rmtree(entry, ignore_errors=True)
-
     def evict(self) -> None:
         """Remove the entries that were not used for longest until the rest is within the limit."""
         entries = sorted(self._entries())
@@ -124,7 +120,7 @@ class FrameCache:
         for _, one, entry in entries:
             if size <= self.limit_bytes:
                 break
-            self.remove(entry)
+            shutil.rmtree(entry, ignore_errors=True)
             size -= one
 
     def _entries(self) -> Iterator[tuple[float, int, Path]]:
