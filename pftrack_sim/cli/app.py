@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from pftrack_sim.cli import authoring, datasets, limits, measuring, options, reading, running, tables
+from pftrack_sim.cli import authoring, datasets, limits, options, reading, running, tables
 from pftrack_sim.cli.examples import epilog
 from pftrack_sim.cli.progress import progress_bar
 from pftrack_sim.cli.values import check_output, parse_settings, parse_trackers
@@ -226,7 +226,7 @@ for name, command in {
     "bench": running.bench,
     "follow": running.follow,
     "limit": limits.limit,
-    "measure": measuring.measure,
+    "measure": authoring.measure,
     "film": running.film,
     "evaluate": running.evaluate,
     "export": datasets.export,

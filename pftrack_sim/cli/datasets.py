@@ -16,10 +16,7 @@ from pftrack_sim.cli.values import parse_axes, parse_names, parse_settings
 from pftrack_sim.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from pftrack_sim.benchmark.datasets.results import Scored
     from pftrack_sim.scenario import Scenario
-
-_MOST_SEQUENCES = 40
 
 
 def export(
@@ -115,45 +112,13 @@ def score(
     all measures of every file.
     """
     from pftrack_sim.benchmark.datasets.results import score_results
+    from pftrack_sim.cli.results import print_scored
     from pftrack_sim.report import write_scored
 
     found = score_results(results, dataset, layout=layout, form=form)
-    _print_scored(found)
+    print_scored(found)
     if out is not None:
         tables.print_folder(write_scored(found, out, {"results": str(results), "data set": str(dataset)}))
-
-
-def _print_scored(found: Scored) -> None:
-    """Print the overlap on each sequence, our measures over all, the benchmark's own, and comparisons in pairs."""
-    from pftrack_sim.report.tables import Table, benchmark_table, grouped, number_text, p_text, range_text
-    from pftrack_sim.score import INTERVALS, VERDICTS, mean_summary
-
-    tables.print_warnings(found.misread)
-    # Repetitions on one sequence are no independent results: a sequence counts once, by their mean.
-    repetitions = grouped(found.results, lambda one: (one.sequence, one.tracker.label))
-    means = {key: mean_summary([one.summary for one in own]) for key, own in repetitions.items()}
-    sequences, trackers = (list(dict.fromkeys(key[place] for key in means)) for place in (0, 1))
-    if len(sequences) <= _MOST_SEQUENCES:
-        rows = [
-            [name, *(number_text(means[name, one].mean_overlap) if (name, one) in means else "-" for one in trackers)]
-            for name in sequences
-        ]
-        tables.print_table(Table("Mean overlap per sequence", ("sequence",), trackers, rows))
-    groups = {("", one): [means[name, one] for name in sequences if (name, one) in means] for one in trackers}
-    tables.print_groups("frames with a known box", groups, unit="sequence")
-    if (own := benchmark_table(found)) is not None:
-        tables.print_table(own)
-    if found.comparisons:
-        rows = [
-            [
-                *(pair.first, pair.second, str(pair.difference.seeds)),
-                *(range_text(pair.difference, sign="+"), p_text(pair.difference.p)),
-            ]
-            for pair in found.comparisons
-        ]
-        title = "Differences of mean overlap over sequences"
-        tables.print_table(Table(title, ("first", "second"), ("sequences", "first - second", "p"), rows))
-        tables.print_lines([f"Below each difference: {INTERVALS}.", f"{VERDICTS}."])
 
 
 def profile(
@@ -200,8 +165,7 @@ def profile(
     with progress_bar("measuring", frames) as tick:
         profiles = {one.name: profile_scenario(one, chosen, backend=backend, on_frame=tick) for one in loaded}
         profiles |= {one.name: profile_sequence(one, on_frame=tick) for one in sequences}
-    for table in profile_tables(profiles):
-        tables.print_table(table)
+    tables.print_tables(*profile_tables(profiles))
     if out is not None:
         numbers = {
             name: {key: None if math.isnan(value) else value for key, value in asdict(one).items()}

@@ -114,8 +114,7 @@ def limit(
             refresh=run.refresh,
             on_progress=on_progress,
         )
-    for table in limit_tables(found, levels):
-        tables.print_table(table)
+    tables.print_tables(*limit_tables(found, levels))
     if videos:
         with RunStore.begin(path, RunStore(path).plan) as store:
             shown = examples(store, found)

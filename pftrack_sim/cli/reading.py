@@ -133,13 +133,14 @@ def compare(
     """
     from pftrack_sim.benchmark import RunStore
     from pftrack_sim.benchmark.said.comparison import compare_runs
+    from pftrack_sim.cli.results import print_comparison
     from pftrack_sim.report import write_comparison
     from pftrack_sim.report.comparison import losses_of_both
 
     names = parse_names(trackers) if trackers is not None else []
     one, other = RunStore(first), RunStore(second or first)
     found = compare_runs(one, other, names, measure=measure)
-    tables.print_comparison(found)
+    print_comparison(found)
     tables.print_lines(losses_of_both(one, other, found))
     tables.print_page(write_comparison(one, other, found, html or other.path / "comparison.html"))
 
@@ -170,13 +171,14 @@ def report(
     """Write report.html, a page with all results of a run."""
     from pftrack_sim.benchmark import RunStore
     from pftrack_sim.benchmark.reading.losses import loss_shares
+    from pftrack_sim.cli.results import print_losses
     from pftrack_sim.report import write_figure
 
     if figure is not None:
         tables.print_folder(write_figure(run, figure, columns))
         return
     write_page(run)
-    tables.print_losses(loss_shares(RunStore(run)))
+    print_losses(loss_shares(RunStore(run)))
 
 
 def submit(

@@ -109,6 +109,7 @@ def _run(plan: Plan, asked: RunOptions, cache: FrameCache | None = None) -> None
     from pftrack_sim.benchmark.asked.from_names import late_events
     from pftrack_sim.benchmark.asked.union import held_besides
     from pftrack_sim.benchmark.kept.folder import is_run
+    from pftrack_sim.cli.results import print_next, print_run, print_standing, print_tracebacks
     from pftrack_sim.core.text import one_line
 
     tables.print_warnings(late_events(plan, None if asked.verbose else asked.changed))
@@ -117,11 +118,11 @@ def _run(plan: Plan, asked: RunOptions, cache: FrameCache | None = None) -> None
     if more:
         tables.print_warnings([f"{path} holds more than is asked for, and all of it is run and shown: {more}"])
     finished = _execute(plan, asked, path, cache)
-    tables.print_run(plan, finished)
-    tables.print_standing(finished)
+    print_run(plan, finished)
+    print_standing(finished)
     tables.print_folder(path)
     write_page(path)
-    tables.print_tracebacks(finished)
+    print_tracebacks(finished)
     opened = {(one.tracker.name, file, size) for one, files in finished.opened() for file, size in files.items()}
     tables.print_warnings(
         [
@@ -135,7 +136,7 @@ def _run(plan: Plan, asked: RunOptions, cache: FrameCache | None = None) -> None
         tables.print_lines([f"cache: {size_gb:.2f} GB of {limit_gb:g} GB in {cache.folder}"])
     if asked.stop_on_error and not finished.finished:
         tables.print_lines(["stopped after the first error; without --stop-on-error the same command runs the rest"])
-    tables.print_next(finished)
+    print_next(finished)
     raise typer.Exit(1 if any(one.error for one in finished.results) else 0)
 
 
@@ -229,6 +230,7 @@ def film(
     from pftrack_sim.benchmark.reading.failures import failures
     from pftrack_sim.benchmark.running.filming import film as film_results
     from pftrack_sim.benchmark.running.filming import worst as worst_of
+    from pftrack_sim.cli.results import where
     from pftrack_sim.report.tables import causes
 
     kept = RunStore(run)
@@ -246,11 +248,8 @@ def film(
         none = "no drive failed" if failed else "no episode to film: the target is not lost, or never visible"
         tables.print_lines([none])
     elif failed:
-        for table in causes([found[one.key] for one in chosen]):
-            tables.print_table(table)
-        tables.print_lines(
-            f"{one.label} {tables.where(one)}, {found[one.key].statement}: {videos[one.key]}" for one in chosen
-        )
+        tables.print_tables(*causes([found[one.key] for one in chosen]))
+        tables.print_lines(f"{one.label} {where(one)}, {found[one.key].statement}: {videos[one.key]}" for one in chosen)
     else:
         tables.print_lines(f"{one.label} {one.number('mean_overlap'):.3f}: {videos[one.key]}" for one in chosen)
 
@@ -289,6 +288,7 @@ def evaluate(
     from pftrack_sim.benchmark import parse_seeds
     from pftrack_sim.benchmark.datasets.recorded import evaluate as evaluate_recorded
     from pftrack_sim.benchmark.running.tracker_runner import checked_isolation
+    from pftrack_sim.cli.results import print_recorded
     from pftrack_sim.formats import given_boxes, read_sequences
 
     contestants = parse_trackers(tracker, preset, params or [], allow_truth)
@@ -309,7 +309,7 @@ def evaluate(
             isolation=checked_isolation(isolation),
             on_frame=tick,
         )
-    tables.print_recorded(results)
+    print_recorded(results)
     if video is not None:
         tables.print_folder(video)
     raise typer.Exit(1 if any(one.error is not None for one in results) else 0)

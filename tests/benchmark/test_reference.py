@@ -27,7 +27,7 @@ from pftrack_sim.benchmark.reference.submission import (
 )
 from pftrack_sim.benchmark.reference.submission import _digest as digest_of
 from pftrack_sim.benchmark.reference.verification import verify
-from pftrack_sim.cli import tables
+from pftrack_sim.cli import results
 from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, UnknownNameError
 from pftrack_sim.report.build import write_report
 from pftrack_sim.report.markdown import update_document
@@ -346,7 +346,7 @@ def test_without_references_the_numbers_stand_alone(
     assert board(suite) is None
     (found,) = standings(stores[0])
     assert f"{suite}: no reference results to compare with" in list(standing_remarks(found, "runs/x"))
-    tables.print_standing(stores[0])
+    results.print_standing(stores[0])
     assert "(here)" not in capsys.readouterr().out
 
 

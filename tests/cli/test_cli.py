@@ -287,7 +287,7 @@ def test_tables_fit_into_the_terminal(width: int, monkeypatch: pytest.MonkeyPatc
     names = [f"tracker-{k}" for k in range(8)]
     rows = [["corridor", str(seed), *(f"0.{k}{seed}" for k in range(8))] for seed in range(2)]
     notes = {"Over": "words " * 30, "jerk": "no"}
-    tables.print_table(Table("Overlap", ["scenario"], ["seed", *names], rows, notes, keys=1))
+    tables.print_tables(Table("Overlap", ["scenario"], ["seed", *names], rows, notes, keys=1))
     lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert max(map(len, lines)) <= width
     heads = [line.split() for line in lines if "scenario" in line]

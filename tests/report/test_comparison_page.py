@@ -17,7 +17,7 @@ from pftrack_sim import report, score
 from pftrack_sim.benchmark import RunStore
 from pftrack_sim.benchmark.reading.losses import TAGS
 from pftrack_sim.benchmark.said.comparison import MEASURES, compare_runs
-from pftrack_sim.cli import reading, tables
+from pftrack_sim.cli import reading, results, tables
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.report.comparison import _parting_s
 from pftrack_sim.report.tables import Table
@@ -100,13 +100,13 @@ def test_no_column_of_the_printed_comparison_is_cut_at_80_columns(
     difference = score.SeedMean((-0.9,) * 9, -0.9, -0.95, -0.85, float("nan"))
     row = replace(found.rows[0], condition="jitter=2,light=0", difference=difference)
     monkeypatch.setattr(tables, "console", Console(width=80, markup=False, highlight=False))
-    tables.print_comparison(replace(found, rows=(row,)))
+    results.print_comparison(replace(found, rows=(row,)))
     lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert next(line for line in lines if "first  second" in line).endswith("verdict")
     assert {" ".join(line.split()[-2:]) for line in lines} >= {"- needs", "10 seeds"}
     assert any("-0.950 to -0.850" in line for line in lines)
     heads = [f"my_long_tracker_{k}" for k in range(8)]
-    tables.print_table(Table("many", ("place",), heads, [["here", *(f"0.{k}99" for k in range(8))]]))
+    tables.print_tables(Table("many", ("place",), heads, [["here", *(f"0.{k}99" for k in range(8))]]))
     printed = capsys.readouterr().out
     assert all(f"my_long_tracker_{k}" in printed and f"0.{k}99" in printed for k in range(8)), printed
 

@@ -9,7 +9,7 @@ from small_report import SMALL
 
 from pftrack_sim import report
 from pftrack_sim.benchmark import RunStore, make_plan, run
-from pftrack_sim.cli import tables as terminal
+from pftrack_sim.cli.results import print_bench
 from pftrack_sim.report.contents import contents
 from pftrack_sim.report.markdown import tables
 from pftrack_sim.score import PEOPLE_DEFINITIONS
@@ -42,7 +42,7 @@ def test_markdown_and_terminal_have_it_too(crowd: RunStore, capsys: pytest.Captu
     chau = [one for one in crowd.results if one.label == "chau2011 (detections)"]
     cells = [cell.strip().split(" ")[0] for cell in row.split("|")[3:-1]]
     assert cells[:5] == [f"{sum(one.number(name.lower()) for one in chau) / 2:.3f}" for name in PEOPLE_DEFINITIONS][:5]
-    terminal.print_bench(crowd.results)
+    print_bench(crowd.results)
     assert f"HOTA: {PEOPLE_DEFINITIONS['HOTA']}" in capsys.readouterr().out
 
 
