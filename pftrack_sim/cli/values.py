@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,28 +49,21 @@ def parse_settings(
     return settings
 
 
-def _parse_params(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """By the tracker's name, `KEY=VALUE` pairs for every tracker, and `TRACKER.KEY=VALUE` pairs for one.
+def _by_tracker(given: Mapping[str, Any], trackers: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """By the tracker's name, what is given as `KEY` for every tracker, and as `TRACKER.KEY` for one.
 
-    >>> _parse_params(["particles=true", "opencv-vit.model=vit.onnx"], ["ko2012", "opencv-vit"])
+    >>> _by_tracker({"particles": True, "opencv-vit.model": "vit.onnx"}, ["ko2012", "opencv-vit"])
     {'ko2012': {'particles': True}, 'opencv-vit': {'particles': True, 'model': 'vit.onnx'}}
     """
     found: dict[str, dict[str, Any]] = {}
-    given = parse_settings(pairs, option="--param", example="ko2012.particle_count=200")
     for key, value in given.items():
-        whose, name = _parameter(key, trackers)
-        for one in whose:
+        # A factory that is spelled out has dots of its own: the last one divides.
+        tracker, _, name = key.rpartition(".")
+        if tracker and tracker not in trackers:
+            raise UnknownNameError("tracker before a parameter's name", tracker, trackers)
+        for one in [tracker] if tracker else trackers:
             found.setdefault(one, {})[name] = value
     return found
-
-
-def _parameter(key: str, trackers: Sequence[str]) -> tuple[Sequence[str], str]:
-    """Trackers that `[TRACKER.]KEY` is for, and the parameter."""
-    # A factory that is spelled out has dots of its own: the last one divides.
-    tracker, _, name = key.strip().rpartition(".")
-    if tracker and tracker not in trackers:
-        raise UnknownNameError("tracker before a parameter's name", tracker, trackers)
-    return [tracker] if tracker else trackers, name
 
 
 def parse_search(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
@@ -79,7 +72,7 @@ def parse_search(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, lis
     >>> parse_search(["ko2012.alpha=0.1,0.3"], ["ko2012", "stay"])
     {'ko2012': [{'alpha': 0.1}, {'alpha': 0.3}]}
     """
-    grids: dict[str, dict[str, list[Any]]] = {}
+    given: dict[str, list[Any]] = {}
     for pair in pairs:
         key, _, text = pair.partition("=")
         values = [_value(one.strip()) for one in re.split(_COMMA_OUTSIDE_BRACKETS, text)]
@@ -87,12 +80,10 @@ def parse_search(pairs: Sequence[str], trackers: Sequence[str]) -> dict[str, lis
             raise ParameterError(
                 f"--search takes [TRACKER.]KEY=VALUE,VALUE, for example ko2012.alpha=0.1,0.3; got {pair!r}"
             )
-        whose, name = _parameter(key, trackers)
-        for one in whose:
-            grids.setdefault(one, {})[name] = values
+        given[key.strip()] = values
     return {
         one: [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
-        for one, grid in grids.items()
+        for one, grid in _by_tracker(given, trackers).items()
     }
 
 
@@ -130,13 +121,14 @@ def parse_trackers(text: str, preset: str, pairs: Sequence[str] = (), allow_trut
         params = {key.strip(): _value(value) for key, _, value in (pair.partition("=") for pair in inside)}
         chosen = str(params.pop("preset", preset))
         found.append((match[1].strip(), chosen, params))
-    elsewhere = _parse_params(pairs, [name for name, _, _ in found])
+    named = [name for name, _, _ in found]
+    elsewhere = _by_tracker(parse_settings(pairs, option="--param", example="ko2012.particle_count=200"), named)
     if any("preset" in params for params in elsewhere.values()):
         raise ParameterError("the preset is no --param: give --preset, or ko2012[preset=paper]")
     told = parse_names(allow_truth) if allow_truth else []
     for name in told:
-        if name not in [one for one, _, _ in found]:
-            raise UnknownNameError("tracker that --allow-truth names", name, [one for one, _, _ in found])
+        if name not in named:
+            raise UnknownNameError("tracker that --allow-truth names", name, named)
     with parameter_errors("trackers"):
         return [
             TrackerSpec(
