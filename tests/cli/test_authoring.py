@@ -4,15 +4,13 @@ from pathlib import Path
 
 import cv2
 import pytest
-from test_cli import pftrack_sim
+from test_cli import pftrack_sim, refused, succeeds
 
 
 def test_a_new_scenario_is_drawn_from_above_and_never_overwritten(tmp_path: Path):
-    assert pftrack_sim("new", "own.toml", cwd=tmp_path).returncode == 0
+    succeeds("new", "own.toml", cwd=tmp_path)
     text = (tmp_path / "own.toml").read_text()
-    again = pftrack_sim("new", "own.toml", cwd=tmp_path)
-    assert again.returncode == 2
-    assert "exists already" in again.stderr
+    assert "exists already" in refused("new", "own.toml", cwd=tmp_path)
     assert (tmp_path / "own.toml").read_text() == text
     for name in ("map.png", "map.svg", "again.svg"):
         done = pftrack_sim("map", "own.toml", "--seed", "3", "--out", name, cwd=tmp_path)
@@ -41,5 +39,5 @@ def test_a_problem_is_told_with_its_line(tmp_path: Path, change: str, code: int,
 
 
 def test_another_kind_of_file_is_refused():
-    assert pftrack_sim("new", "own.yaml").returncode == 2
-    assert "an .svg or .png, got 'map.pdf'" in pftrack_sim("map", "plaza-walk", "--out", "map.pdf").stderr
+    refused("new", "own.yaml")
+    assert "an .svg or .png, got 'map.pdf'" in refused("map", "plaza-walk", "--out", "map.pdf")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_cli import pftrack_sim
+from tests.cli.test_cli import refused
 
 WRONG = [
     (["bench", "corridor", "--trackers", "ko2012[particle_count=-5]", "--seeds", "0:5"], "particle_count: got -5"),
@@ -92,9 +92,7 @@ WRONG = [
     ("arguments", "words"), WRONG, ids=lambda value: " ".join(value) if isinstance(value, list) else ""
 )
 def test_wrong_input_gives_one_clear_message_and_exit_code_2(arguments: list[str], words: str, tmp_path: Path):
-    done = pftrack_sim(*arguments, cwd=tmp_path)
-    assert done.returncode == 2, done.stdout + done.stderr
-    assert words in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not re.search(r"\d trackers?, \d", done.stderr), "said to have begun"
+    said = refused(*arguments, cwd=tmp_path)
+    assert words in said
+    assert not re.search(r"\d trackers?, \d", said), "said to have begun"
     assert not list(tmp_path.iterdir()), "something was left behind"
