@@ -1,11 +1,14 @@
-"""Small episodes, and the comparison of two runs."""
+"""Small episodes, a small suite, and the comparison of two runs."""
 
 from pathlib import Path
 from typing import Any
 
+import tomli_w
+
 from pftrack_sim.benchmark import Plan, RunStore, make_plan
 from pftrack_sim.benchmark.kept.checksums import SUMS, TABLES_OF_RESULTS, Checksums
 from pftrack_sim.core.code_digest import file_digest
+from pftrack_sim.scenario import load
 
 SMALL: dict[str, Any] = {
     "camera.width_px": 96,
@@ -26,6 +29,21 @@ def settings(changes: dict[str, Any]) -> list[str]:
 
 def small_plan(seeds: range, trackers: list[Any] | None = None, **overrides: Any) -> Plan:
     return make_plan(["corridor"], trackers or ["oracle", "stay"], list(seeds), overrides={**SMALL, **overrides})
+
+
+def frozen_suite(path: Path, changes: dict[str, Any] | None = None, **versions: int) -> str:
+    """Write a frozen suite with a part in each loop; `versions` of scenarios may be others than there are."""
+    parts = {"open": "corridor", "closed": "follow/plaza"}
+    tree = {
+        "title": "T",
+        "seeds": "0:5",
+        "trackers": ["ncc", "stay"],
+        "controllers": ["servo"],
+        "versions": {name: load(name).tree["version"] for name in parts.values()} | versions,
+        "run": [{"loop": loop, "scenarios": [name], "changes": changes or {}} for loop, name in parts.items()],
+    }
+    path.write_text(tomli_w.dumps(tree))
+    return str(path)
 
 
 def contents(path: Path) -> list[tuple[Any, ...]]:

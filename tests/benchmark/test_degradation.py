@@ -11,17 +11,11 @@ from pftrack_sim.benchmark.asked.from_names import join_plans
 from pftrack_sim.benchmark.said.degradation import STAY, degradation, levels_of, table_rows
 from pftrack_sim.core.errors import RunError
 from pftrack_sim.report.tables import axes
+from tests.benchmark import small
 
-SMALL: dict[str, Any] = {
-    "camera.width_px": 64,
-    "camera.height_px": 48,
-    "camera.rate_hz": 10.0,
-    "lights.shadows": False,
-    "duration_s": 4.0,
-    "axes.occlusion.severity": 0.0,
-    "axes.occlusion.end_s": 2.8,
-    "distractors.count": 0,
-}
+OCCLUSION = {"axes.occlusion.severity": 0.0, "axes.occlusion.end_s": 2.8}
+SMALL: dict[str, Any] = {**small.SMALL, **OCCLUSION, "duration_s": 4.0}
+SHORT: dict[str, Any] = {**SMALL, "duration_s": 0.3, "axes.occlusion.end_s": 6.0}
 
 
 @pytest.fixture(scope="module")
@@ -79,19 +73,15 @@ def test_recoveries_stand_beside_the_overlap(swept: RunStore):
 
 @pytest.mark.slow
 def test_level_zero_is_shared_only_by_equal_scenarios(tmp_path: Path):
-    small = {**SMALL, "duration_s": 0.3, "axes.occlusion.end_s": 6.0}
-    base = make_plan(["easy/corridor"], ["stay"], [0], axes={"jitter": (0,)}, overrides=small)
-    other = make_plan(
-        ["easy/corridor"], ["stay"], [0], axes={"noise": (1,)}, overrides={**small, "camera.fovy_deg": 40.0}
-    )
+    base = make_plan(["easy/corridor"], ["stay"], [0], axes={"jitter": (0,)}, overrides=SHORT)
+    narrow = {**SHORT, "camera.fovy_deg": 40.0}
+    other = make_plan(["easy/corridor"], ["stay"], [0], axes={"noise": (1,)}, overrides=narrow)
     assert degradation(run(join_plans([base, other]), tmp_path / "run", videos="none", workers=0)).curves == ()
 
 
 def test_a_folder_holds_one_scene_of_a_scenario(tmp_path: Path):
-    small = {**SMALL, "duration_s": 0.3, "axes.occlusion.end_s": 6.0}
-
     def plan(axes: dict[str, list[float]], **more: float) -> Plan:
-        return make_plan(["easy/corridor"], ["stay"], [0], axes=axes, overrides={**small, **more})
+        return make_plan(["easy/corridor"], ["stay"], [0], axes=axes, overrides={**SHORT, **more})
 
     run(plan({}), tmp_path / "run", videos="none")
     with pytest.raises(RunError, match=r"axes\.noise\.severity: 0\.0 there, 8\.0 asked for"):
@@ -111,9 +101,9 @@ def test_level_zero_is_shared_only_where_the_axes_are_equal(
     tmp_path: Path, settings: str, base: dict[str, tuple[float, ...]], variant: str
 ):
     """Noise is set in the scenario and off in the base, or jitter is set in both."""
-    small = {**SMALL, "duration_s": 0.3, "axes.occlusion.end_s": 6.0, f"axes.{settings}.severity": 2.0}
+    changes = {**SHORT, f"axes.{settings}.severity": 2.0}
     plans = [
-        make_plan(["easy/corridor"], ["stay"], [0], axes=axes, overrides=small, variant=variant)
+        make_plan(["easy/corridor"], ["stay"], [0], axes=axes, overrides=changes, variant=variant)
         for axes in (base, {"jitter": (1, 4)})
     ]
     found = degradation(run(join_plans(plans), tmp_path / "run", videos="none", workers=0))
@@ -121,9 +111,8 @@ def test_level_zero_is_shared_only_where_the_axes_are_equal(
 
 
 def test_the_level_zero_of_a_variant_is_the_scenario_without_its_axis(tmp_path: Path):
-    small = {**SMALL, "duration_s": 0.3, "axes.occlusion.end_s": 6.0}
-    base = make_plan(["easy/corridor"], ["stay"], [0], overrides=small)
-    changes, axes = {**small, "axes.noise.gain": 10.0}, {"noise": (1, 2)}
+    base = make_plan(["easy/corridor"], ["stay"], [0], overrides=SHORT)
+    changes, axes = {**SHORT, "axes.noise.gain": 10.0}, {"noise": (1, 2)}
     variant = make_plan(["easy/corridor"], ["stay"], [0], axes=axes, overrides=changes, variant="loud")
     found = degradation(run(join_plans([base, variant]), tmp_path / "run", videos="none", workers=0))
     assert [(one.at.axis, one.at.level) for one in found.curves] == [("loud noise", level) for level in (0, 1, 2)]

@@ -21,14 +21,9 @@ from pftrack_sim.formats import LAYOUTS, read_sequence, read_sequences
 from pftrack_sim.scenario import load
 from pftrack_sim.score import frame_scores, summarise
 from pftrack_sim.simulation.simulation import Simulation
+from tests.benchmark.small import SMALL
 
-TINY: dict[str, Any] = {
-    "lights.shadows": False,
-    "occluders": [],
-    "camera.width_px": 96,
-    "camera.height_px": 72,
-    "duration_s": 0.4,
-}
+TINY: dict[str, Any] = {**SMALL, "camera.rate_hz": 30}
 
 
 def plan(seeds: list[int], **overrides: Any) -> Plan:

@@ -371,11 +371,10 @@ def test_a_suite_whose_settings_are_not_the_stored_ones_keeps_no_stored_result()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("loop", ["open", "follow"])
-def test_the_worst_episodes_are_filmed_from_what_is_stored(tmp_path: Path, loop: str):
+@pytest.mark.parametrize("controllers", [[], ["servo"]], ids=["open", "follow"])
+def test_the_worst_episodes_are_filmed_from_what_is_stored(tmp_path: Path, controllers: list[str]):
     out = tmp_path / "run"
-    controllers = ["servo"] if loop == "follow" else []
-    latency = {"latency_ms": {STILL: 30.0}} if loop == "follow" else {}
+    latency = {"latency_ms": {STILL: 30.0}} if controllers else {}
     plan = plan_of("0:3", [STILL], controllers=controllers, changes={"duration_s": 0.8}, **latency)
     run(plan, out, videos="none", isolation="never")
     store = RunStore(out)
@@ -392,9 +391,8 @@ def test_the_worst_episodes_are_filmed_from_what_is_stored(tmp_path: Path, loop:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("loop", ["open", "follow"])
-def test_a_film_of_other_frames_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loop: str):
-    controllers = ["servo"] if loop == "follow" else []
+@pytest.mark.parametrize("controllers", [[], ["servo"]], ids=["open", "follow"])
+def test_a_film_of_other_frames_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, controllers: list[str]):
     plan = plan_of("0:1", [STILL], controllers=controllers)
     run(plan, tmp_path, videos="none", isolation="never")
     with RunStore.begin(tmp_path, plan) as writing:

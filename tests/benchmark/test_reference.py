@@ -32,29 +32,15 @@ from pftrack_sim.core.errors import ParameterError, PftrackError, RunError, Unkn
 from pftrack_sim.report.build import write_report
 from pftrack_sim.report.markdown import update_document
 from pftrack_sim.report.standing import standing_remarks, standing_tables
-from pftrack_sim.scenario import load
-from tests.benchmark.small import SMALL
-from tests.cli.test_cli import pftrack_sim
+from tests.benchmark.small import SMALL, frozen_suite
+from tests.cli.test_cli import pftrack_sim, refused, succeeds
 
 TRACKERS = ("ncc", "stay")
 
 
-def changes() -> str:
-    values = {**SMALL, "duration_s": 0.8}
-    shown = {key: str(value).lower() if isinstance(value, bool) else value for key, value in values.items()}
-    return "".join(f'"{key}" = {value}\n' for key, value in shown.items())
-
-
 @pytest.fixture(scope="module")
 def suite(tmp_path_factory: pytest.TempPathFactory) -> str:
-    versions = "".join(f'"{name}" = {load(name).tree["version"]}\n' for name in ("corridor", "follow/plaza"))
-    path = tmp_path_factory.mktemp("suites") / "tiny-1.toml"
-    path.write_text(
-        'title = "T"\nseeds = "0:5"\ntrackers = ["ncc", "stay"]\ncontrollers = ["servo"]\n'
-        f'[versions]\n{versions}[[run]]\nloop = "open"\nscenarios = ["corridor"]\n[run.changes]\n{changes()}'
-        f'[[run]]\nloop = "closed"\nscenarios = ["follow/plaza"]\n[run.changes]\n{changes()}'
-    )
-    return str(path)
+    return frozen_suite(tmp_path_factory.mktemp("suites") / "tiny-1.toml", {**SMALL, "duration_s": 0.8})
 
 
 @pytest.fixture(scope="module")
@@ -204,8 +190,7 @@ def test_the_last_digits_of_another_processor_are_close(made: dict[str, Submissi
 def test_a_submission_is_verified_and_a_tampered_one_refused(made: dict[str, Submission], tmp_path: Path):
     path = tmp_path / "one.parquet"
     write_submission(path, made["ncc"])
-    done = pftrack_sim("submit", str(path), "--verify", "--workers", "0")
-    assert done.returncode == 0, done.stderr
+    done = succeeds("submit", str(path), "--verify", "--workers", "0")
     assert done.stdout.splitlines()[-2:] == ["2 of 10 episodes were played again: 2 the same to the bit", "verified"]
     tampered = changed(made["ncc"], better)
     write_submission(path, tampered)
@@ -263,9 +248,7 @@ def test_what_cannot_be_submitted_says_why(
         ([tmp_path / "none.parquet"], "none.parquet is not a submission"),
         ([submitted, "--tracker", "sty"], "unknown tracker of the submission 'sty'"),
     ):
-        done = pftrack_sim("submit", *map(str, words))
-        assert (done.returncode, done.stdout) == (2, "")
-        assert said in done.stderr
+        assert said in refused("submit", *map(str, words))
 
 
 def test_a_tracker_is_charged_what_it_takes(made: dict[str, Submission]):
@@ -392,22 +375,17 @@ def test_a_third_party_s_tracker_is_named_before_its_code_runs(suite: str, made:
     runs = []
     for command, *more in (["bench"], ["follow", "--latency", "my_tracker:make=20"]):
         runs.append(f"runs/{command}")
-        done = pftrack_sim(command, suite, "--trackers", "my_tracker:make", "--isolation", "never", "--videos", "none",
+        done = succeeds(command, suite, "--trackers", "my_tracker:make", "--isolation", "never", "--videos", "none",
                            "--workers", "0", "--out", runs[-1], *more, cwd=tmp_path)  # fmt: skip
-        assert done.returncode == 0, done.stderr
     assert "no reference results to compare with" in done.stdout
     done = pftrack_sim("submit", *runs, "--out", "mine.parquet", cwd=tmp_path)
     assert done.stdout.endswith("next: pftrack-sim submit mine.parquet --verify --tracker my_tracker:make\n")
     verifying = ("submit", "mine.parquet", "--verify", "--workers", "0", "--isolation", "never")
-    done = pftrack_sim(*verifying, cwd=tmp_path)
-    assert done.returncode == 2
-    assert "name it with --tracker my_tracker:make" in done.stderr
+    assert "name it with --tracker my_tracker:make" in refused(*verifying, cwd=tmp_path)
     named = (*verifying, "--tracker", "my_tracker:make")
     assert pftrack_sim(*named, cwd=tmp_path).stdout.endswith("verified\n")
     (tmp_path / "my_tracker.py").write_text((tmp_path / "my_tracker.py").read_text() + "\nBETTER = True\n")
-    done = pftrack_sim(*named, cwd=tmp_path)
-    assert done.returncode == 2
-    assert "the code of my_tracker:make is another here" in done.stderr
+    assert "the code of my_tracker:make is another here" in refused(*named, cwd=tmp_path)
 
 
 def test_rows_of_a_run_know_nothing_of_its_folder(stores: list[RunStore]):

@@ -14,14 +14,9 @@ from pftrack_sim.benchmark.running.frame_cache import FrameCache
 from pftrack_sim.benchmark.running.progress import RunProgress
 from pftrack_sim.core import boxes
 from pftrack_sim.core.errors import RunError, UnknownNameError
+from tests.benchmark import small
 
-SMALL: dict[str, Any] = {
-    "camera.width_px": 96,
-    "camera.height_px": 72,
-    "lights.shadows": False,
-    "duration_s": 0.6,
-    "distractors.count": 1,
-}
+SMALL: dict[str, Any] = {**small.SMALL, "camera.rate_hz": 30, "duration_s": 0.6, "distractors.count": 1}
 
 
 def rows(path: Path, query: str) -> list[tuple[Any, ...]]:
@@ -94,10 +89,10 @@ def test_an_unknown_box_is_named():
 def test_first_boxes_and_starts_are_axes_of_the_run_on_the_same_frames(tmp_path: Path):
     cache = FrameCache(tmp_path / "cache", 10**9)
     axes = {"box_noise": (0.0, 0.2), "start": (0.0, 0.5)}
-    small = {**SMALL, "duration_s": 0.8, "camera.rate_hz": 10}
-    plan = make_plan(["corridor"], ["oracle", "stay"], [0, 1], axes=axes, overrides=small)
+    slow = {**SMALL, "duration_s": 0.8, "camera.rate_hz": 10}
+    plan = make_plan(["corridor"], ["oracle", "stay"], [0, 1], axes=axes, overrides=slow)
     store = run(plan, tmp_path / "run", videos="none", cache=cache)
-    base = run(make_plan(["corridor"], ["stay"], [0], overrides=small), tmp_path / "base", videos="none", cache=cache)
+    base = run(make_plan(["corridor"], ["stay"], [0], overrides=slow), tmp_path / "base", videos="none", cache=cache)
     assert len(list(cache.folder.iterdir())) == 2, "an entry for each seed"
     assert len({one.values["frames_digest"] for one in store.results if one.seed == 0}) == 1
     overlaps = {

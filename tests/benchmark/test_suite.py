@@ -14,12 +14,13 @@ from pftrack_sim.benchmark.asked.from_names import parse_seeds, plan_all
 from pftrack_sim.benchmark.asked.suite import is_suite, load_suite, make_suite, suite_names
 from pftrack_sim.benchmark.said.claims import compare_with_paper, evaluate_claims
 from pftrack_sim.core.errors import ParameterError, ScenarioError, UnknownNameError
-from pftrack_sim.scenario import load
 from pftrack_sim.simulation.world import World
 from pftrack_sim.trackers.registry import told
+from tests.benchmark.small import frozen_suite
 
 TABLE = {"title": "T", "columns": ["easy"], "printed": {"good": [1.0]}}
 REACHES = {"kind": "reaches", "statement": "x", "tracker": "good", "value": 0.5}
+HARD = Condition(levels=(("jitter", 4.0),))
 
 
 def tree(**more: Any) -> dict[str, Any]:
@@ -86,34 +87,30 @@ def test_claims_hold_fail_or_stay_undecided():
 
 
 def test_conditions_that_only_one_tracker_has_do_not_count():
-    claim = {"kind": "beats", "statement": "s", "tracker": "good", "others": ["bad"]}
-    suite = make_suite("t", tree(claims=[claim]))
-    hard = Condition(levels=(("jitter", 4.0),))
+    suite = make_suite("t", tree(claims=tree()["claims"][:1]))
     equal = [replace(one, values={**one.values, "mean_overlap": 0.5}) for one in results()]
-    more = [replace(one, condition=hard, values={**one.values, "mean_overlap": 0.1}) for one in equal
+    more = [replace(one, condition=HARD, values={**one.values, "mean_overlap": 0.1}) for one in equal
             if one.label == "bad"]  # fmt: skip
     (found,) = evaluate_claims(suite, [*equal, *more])
     assert (found.verdict, found.comparisons[0].difference.mean) == ("undecided", 0.0)
 
 
 def test_conditions_count_by_controller_whatever_trackers_that_are_not_compared_have():
-    claim = {"kind": "beats", "statement": "s", "tracker": "good", "others": ["bad"]}
-    suite = make_suite("t", tree(claims=[claim]))
-    hard = Condition(levels=(("jitter", 4.0),))
+    suite = make_suite("t", tree(claims=tree()["claims"][:1]))
     found = [
         replace(one, tracker=TrackerSpec(name=one.label, controller=controller), condition=condition,
                 values={**one.values, "mean_overlap": overlap})
         for one in results()
         for controller in ("servo", "servo-avoid")
-        for condition, overlap in ((Condition(), 0.5), (hard, 0.1))
+        for condition, overlap in ((Condition(), 0.5), (HARD, 0.1))
     ]  # fmt: skip
     part = [one for one in found if (one.tracker.name, one.tracker.controller) != ("good", "servo")
-            or one.condition != hard]  # fmt: skip
+            or one.condition != HARD]  # fmt: skip
     (equal,) = evaluate_claims(suite, part)
     assert (equal.verdict, equal.comparisons[0].difference.mean) == ("undecided", 0.0)
     better = [replace(one, values={**one.values, "mean_overlap": 0.2})
-              if one.tracker.name == "good" and one.condition == hard else one for one in found]  # fmt: skip
-    without = [one for one in better if one.tracker.name != "same" or one.condition != hard]
+              if one.tracker.name == "good" and one.condition == HARD else one for one in found]  # fmt: skip
+    without = [one for one in better if one.tracker.name != "same" or one.condition != HARD]
     assert evaluate_claims(suite, without) == evaluate_claims(suite, better)
     assert evaluate_claims(suite, without)[0].comparisons[0].difference.mean == pytest.approx(0.05)
 
@@ -257,9 +254,7 @@ def test_mistakes_in_a_suite_are_reported(change: dict[str, Any], words: str):
         make_suite("t", tree(**change))
 
 
-def test_unknown_and_unreadable_suites(tmp_path: Path):
-    with pytest.raises(UnknownNameError, match="unknown suite"):
-        load_suite("quik")
+def test_unreadable_suites_and_names_of_none(tmp_path: Path):
     broken = tmp_path / "broken.toml"
     broken.write_text("title = ")
     with pytest.raises(ScenarioError, match="not valid TOML"):
@@ -291,35 +286,21 @@ def test_every_shipped_suite_names_what_exists(name: str):
             assert episode.scenario.resolve(0).frame_count > 1
 
 
-def parts(**more: Any) -> str:
-    """A frozen suite with a part in each loop."""
-    versions = {name: load(name).tree["version"] for name in ("corridor", "follow/plaza")} | more
-    return (
-        'title = "T"\nseeds = "0:2"\ntrackers = ["stay"]\ncontrollers = ["servo"]\n[versions]\n'
-        + "".join(f'"{name}" = {version}\n' for name, version in versions.items())
-        + '[[run]]\nloop = "open"\nscenarios = ["corridor"]\n[[run]]\nloop = "closed"\nscenarios = ["follow/plaza"]\n'
-    )
-
-
 def test_a_suite_has_a_part_in_each_loop(tmp_path: Path):
-    path = tmp_path / "t.toml"
-    path.write_text(parts())
-    assert list(plan_all([str(path)]).scenarios) == ["corridor"]
-    driven = plan_all([str(path)], closed_loop=True)
-    assert (list(driven.scenarios), driven.labels) == (["follow/plaza"], ("stay+servo",))
-    path.write_text('title = "T"\ntrackers = ["stay"]\n[[run]]\nloop = "open"\nscenarios = ["corridor"]\n')
+    suite = frozen_suite(tmp_path / "t.toml")
+    assert list(plan_all([suite]).scenarios) == ["corridor"]
+    driven = plan_all([suite], closed_loop=True)
+    assert (list(driven.scenarios), driven.labels) == (["follow/plaza"], ("ncc+servo", "stay+servo"))
+    Path(suite).write_text('title = "T"\ntrackers = ["stay"]\n[[run]]\nloop = "open"\nscenarios = ["corridor"]\n')
     with pytest.raises(ParameterError, match="has no part in closed loop"):
-        plan_all([str(path)], closed_loop=True)
+        plan_all([suite], closed_loop=True)
 
 
 def test_a_frozen_suite_runs_with_its_versions_of_scenarios_only(tmp_path: Path):
-    path = tmp_path / "t.toml"
-    path.write_text(parts(corridor=1))
     with pytest.raises(ScenarioError, match=r"corridor has version \d+ here, and it is frozen with 1"):
-        plan_all([str(path)])
-    path.write_text(parts(hall=4))
+        plan_all([frozen_suite(tmp_path / "t.toml", corridor=1)])
     with pytest.raises(ScenarioError, match="`versions` must name every scenario"):
-        load_suite(path)
+        load_suite(frozen_suite(tmp_path / "t.toml", hall=4))
 
 
 def test_a_name_without_a_version_means_the_newest():

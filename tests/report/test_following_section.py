@@ -13,23 +13,16 @@ from pftrack_sim.benchmark import RunStore, make_plan, run
 from pftrack_sim.report.contents import contents
 from pftrack_sim.report.following import following_episodes
 from pftrack_sim.report.strips import strips
+from tests.benchmark.small import SMALL
 
-SMALL = {
-    "duration_s": 2.0,
-    "camera.width_px": 96,
-    "camera.height_px": 72,
-    "camera.rate_hz": 10,
-    "lights.shadows": False,
-}
-SMALL |= {"occluders": [], "distractors.count": 0, "target.speed_m_s": 1.4}
 # The target leaves the narrow view of a robot that stands still, to the side.
-SMALL |= {"camera.fovy_deg": 20.0, "target.path_m": [[3.5, 0.0], [4.0, 0.0], [4.5, 6.0]]}
+ASIDE = {"target.speed_m_s": 1.4, "camera.fovy_deg": 20.0, "target.path_m": [[3.5, 0.0], [4.0, 0.0], [4.5, 6.0]]}
 
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("drives") / "run"
-    plan = make_plan(["easy/plaza-walk"], ["oracle"], [0], controllers=["servo-avoid", "still"], overrides=SMALL)
+    path, overrides = tmp_path_factory.mktemp("drives") / "run", {**SMALL, **ASIDE, "duration_s": 2.0}
+    plan = make_plan(["easy/plaza-walk"], ["oracle"], [0], controllers=["servo-avoid", "still"], overrides=overrides)
     run(plan, path, videos="all")
     return path
 
