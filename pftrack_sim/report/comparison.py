@@ -12,7 +12,7 @@ from urllib.parse import quote
 import numpy as np
 
 from pftrack_sim import score
-from pftrack_sim.benchmark import Result, RunStore
+from pftrack_sim.benchmark import RunStore
 from pftrack_sim.benchmark.reading.losses import TAGS, loss_shares, tag_title
 from pftrack_sim.benchmark.said.comparison import Difference, EpisodeDifference, RunComparison
 from pftrack_sim.core.errors import ParameterError
@@ -141,7 +141,8 @@ def _episode(
     ahead, behind = overlaps if pair.difference <= 0.0 else overlaps[::-1]
     parting_s = _parting_s(frames[0].time_s, ahead, behind)
     start_s = max(parting_s - _BEFORE_S, 0.0)
-    videos = [_video(store, result, folder) for store, result in ((first, pair.first), (second, pair.second))]
+    files = [store.video_of(result) for store, result in ((first, pair.first), (second, pair.second))]
+    videos = [None if file is None else _link(file, folder) for file in files]
     same = videos[0] == videos[1]
     titles = [" and ".join(found.titles)] if same else list(found.titles)
     shown = zip(titles, videos, strict=False)
@@ -177,11 +178,6 @@ def _covered(x: FloatArray, visible_fraction: FloatArray) -> Sequence[tuple[floa
         (round(float(edges[first]), 2), round(float(edges[last + 1] - edges[first]), 2))
         for first, last in occlusions(visible_fraction)
     ]
-
-
-def _video(store: RunStore, result: Result, folder: Path) -> str | None:
-    video = store.video_of(result)
-    return None if video is None else _link(video, folder)
 
 
 def _link(file: Path, folder: Path) -> str:

@@ -108,30 +108,22 @@ def _tables_of(runs: Path, name: str) -> str | None:
 
 
 def _list(name: str) -> str | None:
-    """The stress axes, or the definitions of the measures; None for another name."""
+    """The stress axes, with what severity 1 is, or the definitions of the tables' columns; None for another name."""
     if name == "axes":
-        return _axes_list()
-    return _measures() if name == "measures" else None
-
-
-def _axes_list() -> str:
-    """The stress axes, with what severity 1 is."""
-    rows = [
-        [f"`{name}`", f"{axis(severity=1.0).physical:.3g} {axis.unit}", axis.law, axis.source]
-        for name, axis in axes_by_name().items()
-    ]
-    return _table(["Axis", "severity 1", "law", "reference"], rows)
-
-
-def _measures() -> str:
-    """The definitions of the tables' columns, a line for each kind of table."""
+        rows = [
+            [f"`{one}`", f"{axis(severity=1.0).physical:.3g} {axis.unit}", axis.law, axis.source]
+            for one, axis in axes_by_name().items()
+        ]
+        return _table(["Axis", "severity 1", "law", "reference"], rows)
+    if name != "measures":
+        return None
     kinds = {
         "Overlap": score.DEFINITIONS,
         "Following": score.FOLLOWING_DEFINITIONS,
         "Everybody in view": score.PEOPLE_DEFINITIONS,
     }
     return "".join(
-        f"- {kind}: {'; '.join(f'*{name}*: {meaning}' for name, meaning in words.items())}.\n"
+        f"- {kind}: {'; '.join(f'*{word}*: {meaning}' for word, meaning in words.items())}.\n"
         for kind, words in kinds.items()
     )
 
