@@ -68,18 +68,17 @@ def iou(first: ArrayLike, second: ArrayLike) -> float:
 
 
 def pairwise_iou(first: ArrayLike, second: ArrayLike) -> FloatArray:
-    """`(N,)` overlaps of each row of the first `(N, 4)` boxes [px] with the same row of the second.
+    """`(...)` overlaps of `(..., 4)` boxes [px] with the same of the second, by the rules of broadcasting.
 
     In [0, 1]; 0 where the union is empty or a number is not finite.
     """
-    a = np.asarray(first, dtype=np.float64)
-    b = np.asarray(second, dtype=np.float64)
-    near = np.maximum(a[:, :2], b[:, :2])
-    far = np.minimum(a[:, :2] + a[:, 2:], b[:, :2] + b[:, 2:])
+    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    near = np.maximum(a[..., :2], b[..., :2])
+    far = np.minimum(a[..., :2] + a[..., 2:], b[..., :2] + b[..., 2:])
     with np.errstate(invalid="ignore", over="ignore"):
-        inner = np.clip(far - near, 0.0, None).prod(axis=1)
-        union = np.clip(a[:, 2:], 0.0, None).prod(axis=1) + np.clip(b[:, 2:], 0.0, None).prod(axis=1) - inner
-        valid = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1) & (union > 0)
+        inner = np.clip(far - near, 0.0, None).prod(axis=-1)
+        union = np.clip(a[..., 2:], 0.0, None).prod(axis=-1) + np.clip(b[..., 2:], 0.0, None).prod(axis=-1) - inner
+        valid = np.isfinite(a).all(axis=-1) & np.isfinite(b).all(axis=-1) & (union > 0)
         # Rounding can leave the union of equal boxes a little smaller than their intersection.
         return np.minimum(np.divide(inner, union, out=np.zeros_like(inner), where=valid), 1.0)
 
@@ -100,9 +99,9 @@ def area(box: ArrayLike) -> float:
 
 
 def centre(box: ArrayLike) -> FloatArray:
-    """`(2,)` centre x, y [px]."""
+    """`(..., 2)` centres x, y of `(..., 4)` boxes [px]."""
     array = np.asarray(box, dtype=np.float64)
-    return array[:2] + 0.5 * array[2:]
+    return array[..., :2] + 0.5 * array[..., 2:]
 
 
 def to_states(boxes: FloatArray) -> FloatArray:

@@ -54,7 +54,7 @@ def frame_scores(estimates: ArrayLike, truth: ArrayLike) -> FrameScores:
     estimated, true = np.asarray(estimates, dtype=np.float64), np.asarray(truth, dtype=np.float64)
     if estimated.shape != true.shape or estimated.ndim != 2 or estimated.shape[1] != 4:
         raise ParameterError(f"estimates and truth must both have shape (N, 4), got {estimated.shape} and {true.shape}")
-    shift = estimated[:, :2] + 0.5 * estimated[:, 2:] - (true[:, :2] + 0.5 * true[:, 2:])
+    shift = boxes.centre(estimated) - boxes.centre(true)
     size, hit = true[:, 2:], np.isfinite(estimated).all(axis=1)
     known = np.asarray(np.isfinite(true).all(axis=1))
     has_area = np.asarray(known & (size > 0.0).all(axis=1))
@@ -95,7 +95,7 @@ def stay_overlaps(truth: ArrayLike, scored: ArrayLike) -> FloatArray:
         ParameterError: The shapes do not fit.
     """
     true, first = _truth_and_first(truth, scored)
-    return boxes.pairwise_iou(np.broadcast_to(first, true.shape), true)
+    return boxes.pairwise_iou(first, true)
 
 
 def fixed_size_overlaps(truth: ArrayLike, scored: ArrayLike) -> FloatArray:

@@ -105,20 +105,13 @@ def _add(counts: _Counts, truth: Tracks, estimates: Tracks) -> None:
     frames: list[tuple[Identities, Identities, FloatArray]] = []
     for frame in np.unique(np.concatenate([truth.frames, estimates.frames])).tolist():
         here, there = truth.frames == frame, estimates.frames == frame
-        frames.append((true_places[here], places[there], _overlaps(truth.boxes[here], estimates.boxes[there])))
+        overlaps = pairwise_iou(truth.boxes[here][:, None], estimates.boxes[there])
+        frames.append((true_places[here], places[there], overlaps))
     shape = (len(true_names), len(names))
     of_true, of_estimated = np.bincount(true_places), np.bincount(places)
     _add_hota(counts, frames, of_true, of_estimated, shape)
     _add_identities(counts, frames, shape)
     _add_clear(counts, frames, shape[0])
-
-
-def _overlaps(first: FloatArray, second: FloatArray) -> FloatArray:
-    """`(A, B)` overlaps of all pairs."""
-    count = len(first), len(second)
-    if not all(count):
-        return np.zeros(count)
-    return pairwise_iou(np.repeat(first, count[1], axis=0), np.tile(second, (count[0], 1))).reshape(count)
 
 
 def _add_hota(

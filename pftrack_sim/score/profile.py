@@ -149,14 +149,14 @@ class ProfileMeter:
             )
         all_boxes = np.array(self._boxes)
         size = np.sqrt(all_boxes[:, 2] * all_boxes[:, 3])
-        centre = all_boxes[:, :2] + 0.5 * all_boxes[:, 2:]
+        centre = boxes.centre(all_boxes)
         pairs = np.flatnonzero(seen[:-1] & seen[1:])
         lasts_s = np.diff(self._times)[pairs]
         step = np.linalg.norm(centre[pairs + 1] - centre[pairs], axis=1) / size[pairs] / lasts_s
-        true, first = all_boxes[seen], all_boxes[seen][:1]
+        true = all_boxes[seen]
         aspect = true[:, 2] / true[:, 3]
         return Profile(
-            stay_overlap=float(boxes.pairwise_iou(np.repeat(first, len(true), axis=0), true).mean()),
+            stay_overlap=float(boxes.pairwise_iou(true[0], true).mean()),
             step_median_per_s=_quantile(step, 0.5),
             step_p95_per_s=_quantile(step, 0.95),
             scale_p95_per_s=_quantile(np.abs(np.log(size[pairs + 1] / size[pairs])) / lasts_s, 0.95),

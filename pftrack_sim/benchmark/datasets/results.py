@@ -222,7 +222,7 @@ def _target_boxes(rows: FloatArray, single: FloatArray, truth: FloatArray) -> Fl
     there = rows[rows[:, 0] == first]
     boxes = np.full(truth.shape, np.nan)
     if len(there):
-        overlap = pairwise_iou(there[:, 2:], np.broadcast_to(truth[first], (len(there), 4)))
+        overlap = pairwise_iou(there[:, 2:], truth[first])
         mine = rows[rows[:, 1] == there[int(np.argmax(overlap)), 1]]
         boxes[mine[:, 0].astype(int)] = mine[:, 2:]
     return boxes

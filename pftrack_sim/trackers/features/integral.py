@@ -25,31 +25,20 @@ def integral_image(image: NDArray[Any]) -> FloatArray:
     return sums.reshape(*sums.shape[:2], -1)
 
 
-def rectangle_means(
-    integral: FloatArray, boxes: FloatArray, rectangles: FloatArray, channels: NDArray[np.intp]
-) -> FloatArray:
-    """`(N, R)` means over `(R, 4)` rectangles, each in one of the `(R,)` channels, within `(N, 4)` boxes [px].
+def rectangle_means(integral: FloatArray, boxes: FloatArray, rectangles: FloatArray) -> FloatArray:
+    """`(N, R, C)` means of all channels over `(R, 4)` rectangles within `(N, 4)` boxes [px].
 
     Rectangles are x, y, w, h in shares of the box: (0, 0, 1, 1) is the box itself, and a rectangle may lie beyond it.
     Only the part inside the image counts; the mean is 0 where there is none.
     """
-    out = np.empty((len(boxes), len(rectangles), 1))
-    _means(integral, boxes, rectangles, channels, out)
-    return out[..., 0]
-
-
-def channel_means(integral: FloatArray, boxes: FloatArray, rectangles: FloatArray) -> FloatArray:
-    """`(N, R, C)` means of all channels over rectangles, as `rectangle_means`."""
     out = np.empty((len(boxes), len(rectangles), integral.shape[2]))
-    _means(integral, boxes, rectangles, np.zeros(len(rectangles), np.intp), out)
+    _means(integral, boxes, rectangles, out)
     return out
 
 
 @kernel
-def _means(
-    integral: FloatArray, boxes: FloatArray, rectangles: FloatArray, first: NDArray[np.intp], out: FloatArray
-) -> None:
-    """Fill `(N, R, C)` with the means of C channels from the first one of each rectangle on."""
+def _means(integral: FloatArray, boxes: FloatArray, rectangles: FloatArray, out: FloatArray) -> None:
+    """Fill `(N, R, C)` means."""
     height, width = integral.shape[0] - 1, integral.shape[1] - 1
     # The lines beside each side of a rectangle, and their weights in the difference of the sums.
     rows, columns = np.empty(4, np.int64), np.empty(4, np.int64)
@@ -74,5 +63,5 @@ def _means(
                 total = 0.0
                 for i in range(4):
                     for j in range(4):
-                        total += row_weights[i] * column_weights[j] * integral[rows[i], columns[j], first[r] + c]
+                        total += row_weights[i] * column_weights[j] * integral[rows[i], columns[j], c]
                 out[n, r, c] = total / area if area > _LEAST_AREA else 0.0

@@ -89,8 +89,8 @@ class FollowedPerson(BaseTracker):
         if not allowed.any():
             return None
         boxes, identities = tracks.boxes[allowed], tracks.identities[allowed]
-        overlap = pairwise_iou(boxes, np.tile(self._box, (len(boxes), 1)))
+        overlap = pairwise_iou(boxes, self._box)
         if overlap.max() > 0.0:
             return int(identities[np.argmax(overlap)])
-        gaps = np.linalg.norm(boxes[:, :2] + 0.5 * boxes[:, 2:] - centre(self._box), axis=1)
+        gaps = np.linalg.norm(centre(boxes) - centre(self._box), axis=1)
         return int(identities[np.argmin(gaps)]) if gaps.min() <= _REACH * self._box[3] else None

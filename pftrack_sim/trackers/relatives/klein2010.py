@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from pftrack_sim.core.boxes import Box
+from pftrack_sim.core.boxes import Box, centre, from_states
 from pftrack_sim.core.records import Image
 from pftrack_sim.core.types import BoolArray, FloatArray
 from pftrack_sim.trackers.box_filter import TUNED_FILTER, BoxFilterParameters, BoxFilterTracker
 from pftrack_sim.trackers.features.histogram import histograms
 from pftrack_sim.trackers.features.image_region import block_means, crop, whole_block_size
-from pftrack_sim.trackers.features.integral import channel_means, integral_image
+from pftrack_sim.trackers.features.integral import integral_image, rectangle_means
 from pftrack_sim.trackers.papers.ko2012 import METHODS
 from pftrack_sim.trackers.parameters import NotNegative, Share
 
@@ -247,8 +247,7 @@ class BoostedTracker(BoxFilterTracker[BoostedT, Measure]):
         negative = np.column_stack([distance * np.cos(angle), distance * np.sin(angle), growth])
         moves = np.concatenate([positive, negative])
         size = box[2:] * np.exp(moves[:, 2:])
-        centre = box[:2] + 0.5 * box[2:] + moves[:, :2] * box[2:]
-        return np.concatenate([centre - 0.5 * size, size], axis=1)
+        return from_states(np.concatenate([centre(box) + moves[:, :2] * box[2:], size], axis=1))
 
 
 def opponent_integral(image: Image) -> FloatArray:
@@ -278,7 +277,7 @@ class CentreSurround:
     def _of(self, integral: FloatArray, boxes: FloatArray, regions: NDArray[np.intp] | slice) -> FloatArray:
         """`(N, R, 3)` values of some regions."""
         rectangles = np.concatenate([self.centres[regions], self.regions[regions]])
-        means = channel_means(integral, boxes, rectangles)
+        means = rectangle_means(integral, boxes, rectangles)
         count = len(rectangles) // 2
         return means[:, :count] - means[:, count:]
 

@@ -158,8 +158,7 @@ class Sidibe2010(BoxFilterTracker[Sidibe2010Parameters, ColourAndSaliency]):
 
     def distributions(self, integral: FloatArray, wanted: FloatArray) -> FloatArray:
         """`(N, R)` share of the saliency of each cell, of `(N, 4)` boxes [px]; 0 where nothing is salient."""
-        channel = np.zeros(len(self._rectangles), np.intp)
-        means = np.maximum(rectangle_means(integral, wanted * self._scale, self._rectangles, channel), 0.0)
+        means = np.maximum(rectangle_means(integral, wanted * self._scale, self._rectangles)[..., 0], 0.0)
         totals = means.sum(axis=1, keepdims=True)
         return np.divide(means, totals, out=np.zeros_like(means), where=totals > 0.0)
 

@@ -107,14 +107,14 @@ class CascadeRegion:
         """`(N, F)` features of a stage of `(N, 4)` boxes [px]; distances are those of `distances`."""
         local = self._region.to_region(wanted)
         if stage == "colour":
-            return rectangle_means(self._colours, local, *_CELLS_OF_3) / 255.0
+            return rectangle_means(self._colours, local, _CELLS).reshape(len(wanted), -1) / 255.0
         if stage == "orientation":
             # Differences of sums may be a rounding error below 0.
-            energy = np.maximum(rectangle_means(self._orientations, local, *_CELLS_OF_ALL), 0.0)
+            energy = np.maximum(rectangle_means(self._orientations, local, _CELLS).reshape(len(wanted), -1), 0.0)
             # Square roots of shares: their scalar product is the Bhattacharyya similarity.
             return np.sqrt(energy / np.maximum(energy.sum(axis=1, keepdims=True), 1e-9))
         if stage == "haar":
-            return rectangle_means(self._brightness, local, *_HAAR_PARTS) @ _HAAR_SIGNS / 255.0
+            return rectangle_means(self._brightness, local, _HAAR_PARTS)[..., 0] @ _HAAR_SIGNS / 255.0
         return _unit(np.minimum(_unit(hog(self._grey, local)), SIFT_CLIP))
 
 
@@ -220,13 +220,7 @@ class Yang2005(BoxFilterTracker[Yang2005Parameters, CascadeRegion]):
         return -0.5 * np.square(away / self._sigmas[stage])
 
 
-def _cells(channel_count: int) -> tuple[FloatArray, NDArray[np.intp]]:
-    """ROWS x COLUMNS rectangles, each in every channel: their shares of a box, and their channels."""
-    grid = [(j / COLUMNS, i / ROWS, 1 / COLUMNS, 1 / ROWS) for i in range(ROWS) for j in range(COLUMNS)]
-    return np.repeat(np.array(grid), channel_count, axis=0), np.tile(np.arange(channel_count), len(grid))
-
-
-def _haar_features() -> tuple[tuple[FloatArray, NDArray[np.intp]], FloatArray]:
+def _haar_features() -> tuple[FloatArray, FloatArray]:
     """Rectangles of the Haar-like features, and the `(R, F)` sign of each in each feature.
 
     In the box and in each of its quarters: left less right, upper less lower, and middle less both sides.
@@ -236,11 +230,10 @@ def _haar_features() -> tuple[tuple[FloatArray, NDArray[np.intp]], FloatArray]:
     thirds = [(k / 3, 0.0, 1 / 3, 1.0) for k in range(3)]
     parts = [(x + a * w, y + b * h, c * w, d * h) for x, y, w, h in areas for a, b, c, d in (*halves, *thirds)]
     signs = np.array([[1, -1, 0, 0, 0, 0, 0], [0, 0, 1, -1, 0, 0, 0], [0, 0, 0, 0, -0.5, 1, -0.5]]).T
-    matrix = np.asarray(np.kron(np.eye(len(areas)), signs), dtype=np.float64)
-    return (np.array(parts), np.zeros(len(parts), np.intp)), matrix
+    return np.array(parts), np.asarray(np.kron(np.eye(len(areas)), signs), dtype=np.float64)
 
 
-_CELLS_OF_3, _CELLS_OF_ALL = _cells(3), _cells(DIRECTION_COUNT)
+_CELLS = np.array([(j / COLUMNS, i / ROWS, 1 / COLUMNS, 1 / ROWS) for i in range(ROWS) for j in range(COLUMNS)])
 _HAAR_PARTS, _HAAR_SIGNS = _haar_features()
 
 
