@@ -109,6 +109,12 @@ def is_lost(estimate: Estimate, min_confidence: float) -> bool:
     return estimate.occluded or estimate.confidence < min_confidence or width <= 0.0 or height <= 0.0
 
 
+def stopping_speed(gap_m: float, brake_m_s2: float, reaction_s: float) -> float:
+    """Greatest speed [m/s] from which the robot stops within a gap, or 0: v^2 / 2 a + v t <= gap."""
+    lag = brake_m_s2 * reaction_s
+    return math.sqrt(2.0 * brake_m_s2 * max(gap_m, 0.0) + lag * lag) - lag
+
+
 def is_positive(value: object) -> bool:
     """Whether a value is a finite number above 0."""
     return (

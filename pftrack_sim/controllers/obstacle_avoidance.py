@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.controllers.base import RobotParameters
+from pftrack_sim.controllers.base import RobotParameters, stopping_speed
 from pftrack_sim.controllers.moving_obstacles import MovingObstacles
 from pftrack_sim.controllers.passing import pass_movers
 from pftrack_sim.controllers.target_search import TargetSearch
@@ -102,7 +102,8 @@ class ObstacleAvoidance:
             elif abs(math.remainder(direction - goal, 2.0 * math.pi)) > 1e-9:
                 turn = direction / TURN_S
                 forward = max(math.cos(direction), 0.0) * forward
-            forward = min(forward, _safe_speed(*self._ahead(ranges)))
+            ahead, aside = ranges * np.cos(self._beams), np.abs(ranges * np.sin(self._beams))
+            forward = min(forward, _safe_speed(ahead, aside))
         else:
             self._detour_rad, self._on_trail = None, False
         # While the target is lost it may be the one who comes.
@@ -120,7 +121,7 @@ class ObstacleAvoidance:
         self, goal_rad: float, speed_m_s: float, ranges: FloatArray, reach_m: float, proprio: NDArray[Any]
     ) -> tuple[float | None, float]:
         """Direction [rad], None if all are blocked, and speed [m/s]; `ranges` are those to what stands."""
-        direction = self._choose_direction(goal_rad, ranges, reach_m, self._trail_ahead(proprio))
+        direction = self._choose_direction(goal_rad, ranges, reach_m, proprio)
         if direction is None:
             return None, 0.0
         places, velocities = self._moving.relative(proprio)
@@ -135,17 +136,17 @@ class ObstacleAvoidance:
         return pass_movers(direction, speed_m_s, open_rad, places, velocities)
 
     def _choose_direction(
-        self, goal_rad: float, ranges: FloatArray, reach_m: float, trail: list[tuple[float, float]]
+        self, goal_rad: float, ranges: FloatArray, reach_m: float, proprio: NDArray[Any]
     ) -> float | None:
         """The goal [rad] if it is open, else the latest open point of the trail, else the open direction nearest to it.
 
-        None if all are blocked. `trail` has the directions [rad] and distances [m] of the points, the latest first.
+        None if all are blocked.
         """
         unseen = self._on_trail and abs(goal_rad) > self._beams[-1]
         if not unseen and _open(np.array([goal_rad]), self._beams, ranges, reach_m)[0]:
             self._detour_rad, self._on_trail = None, False
             return goal_rad
-        for direction, distance in trail:
+        for direction, distance in (_polar(point, proprio) for point in reversed(self._trail)):
             # Behind the robot there are no beams: it turns round before it knows.
             if _open(np.array([direction]), self._beams, ranges, min(reach_m, distance + HULL_M))[0]:
                 self._detour_rad, self._on_trail = direction, True
@@ -174,10 +175,6 @@ class ObstacleAvoidance:
             # A point is passed when the robot has been near it, or nearer to a later one.
             self._trail = self._trail[nearest + int(away[nearest] < _PASSED_M) :]
 
-    def _trail_ahead(self, proprio: NDArray[Any]) -> list[tuple[float, float]]:
-        """Direction [rad] and distance [m] of the points of the trail, the latest first."""
-        return [_polar(point, proprio) for point in reversed(self._trail)]
-
     def _remember(self, proprio: NDArray[Any], ranges: FloatArray, pan_rad: float) -> None:
         """Store the end points of the beams in the odometry frame, without the target: it walks on."""
         x, y, heading = (float(value) for value in proprio[:3])
@@ -201,10 +198,6 @@ class ObstacleAvoidance:
         """`(B,)` distances of the ends of the beams from a point [m]."""
         ahead = ranges * np.cos(self._beams) - distance_m * math.cos(bearing_rad)
         return np.hypot(ahead, ranges * np.sin(self._beams) - distance_m * math.sin(bearing_rad))
-
-    def _ahead(self, ranges: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """`(B,)` distances before the axle, and `(B,)` beside its middle line, of the ends of the beams [m]."""
-        return ranges * np.cos(self._beams), np.abs(ranges * np.sin(self._beams))
 
     def _behind(self, proprio: NDArray[Any]) -> tuple[FloatArray, FloatArray]:
         """`(N,)` distances behind the axle and `(N,)` lateral distances of the stored points there [m]."""
@@ -242,15 +235,15 @@ def _open(directions_rad: FloatArray, beams: FloatArray, ranges: FloatArray, rea
     return ~np.any(blocked, axis=1)
 
 
-def _safe_speed(ahead: FloatArray, aside: FloatArray, radius: float = HULL_M + MIN_CLEARANCE_M) -> float:
-    """Greatest speed [m/s] from which the robot stops before its hull, or a circle as wide as given, hits a point.
+def _safe_speed(ahead: FloatArray, aside: FloatArray) -> float:
+    """Greatest speed [m/s] from which the robot stops before its hull hits a point.
 
     `(N,)` points are given by their distance from the axle along the direction of travel and beside it [m].
     """
+    radius = HULL_M + MIN_CLEARANCE_M
     hit = aside < radius
     if not hit.any():
         return math.inf
     # The round hull touches a point off its middle line later.
     gap = float((ahead[hit] - np.sqrt(radius**2 - aside[hit] ** 2)).min())
-    lag = BRAKE_M_S2 * REACTION_S
-    return math.sqrt(2.0 * BRAKE_M_S2 * max(gap, 0.0) + lag * lag) - lag
+    return stopping_speed(gap, BRAKE_M_S2, REACTION_S)

@@ -6,12 +6,13 @@ entry-point group `pftrack_sim.controllers`.
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.controllers.base import LEAST_CONFIDENCE, Controller, RobotParameters
+from pftrack_sim.controllers.base import Controller, RobotParameters
 from pftrack_sim.controllers.obstacle_avoidance import ObstacleAvoidance
 from pftrack_sim.controllers.target_search import TargetSearch
 from pftrack_sim.controllers.visual_servo import VisualServo
@@ -35,17 +36,14 @@ class Still:
         return np.zeros(4)
 
 
-def _servo(
-    *, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = LEAST_CONFIDENCE
-) -> TargetSearch:
-    return TargetSearch(VisualServo(distance_m=distance_m, person_m=person_m, least_confidence=least_confidence))
+@functools.wraps(VisualServo)
+def _servo(**params: Any) -> TargetSearch:
+    return TargetSearch(VisualServo(**params))
 
 
-def _servo_avoid(
-    *, distance_m: float | None = None, person_m: float = 1.72, least_confidence: float = LEAST_CONFIDENCE
-) -> ObstacleAvoidance:
-    servo = VisualServo(distance_m=distance_m, person_m=person_m, least_confidence=least_confidence)
-    return ObstacleAvoidance(TargetSearch(servo, drives=True))
+@functools.wraps(VisualServo)
+def _servo_avoid(**params: Any) -> ObstacleAvoidance:
+    return ObstacleAvoidance(TargetSearch(VisualServo(**params), drives=True))
 
 
 _REGISTRY = Registry[Controller](

@@ -128,7 +128,8 @@ class TargetSearch:
             self._places.clear()
         if self.goal_m is None:
             return None
-        self._direction_rad = _direction(self._last_m + self._walked_s / MOTION_S * self._motion_m - position_m)
+        walked_s = min(self._lost_s, WALKS_S)
+        self._direction_rad = _direction(self._last_m + walked_s / MOTION_S * self._motion_m - position_m)
         heading = float(proprio[PROPRIO_INDEX["odometry_heading_rad"]])
         taken = seen or self._is_taken(proprio, self.goal_m - position_m, heading)
         short_m = self._robot.distance_m if taken else ARRIVED_M
@@ -149,11 +150,6 @@ class TargetSearch:
         angles = heading_rad + beam_angles_rad(self._robot.beam_field_deg, len(ranges))
         away: FloatArray = np.hypot(ranges * np.cos(angles) - way_m[0], ranges * np.sin(angles) - way_m[1])
         return bool((away < BODY_M).any() and not ((away >= BODY_M) & (away < 2.0 * BODY_M)).any())
-
-    @property
-    def _walked_s(self) -> float:
-        """How long the target is assumed to have walked on."""
-        return min(self._lost_s, WALKS_S)
 
     @staticmethod
     def sweep_rad(searching_s: float, first_rad: float = OVERSHOOT_RAD) -> float:

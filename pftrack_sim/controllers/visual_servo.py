@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pftrack_sim.controllers.base import LEAST_CONFIDENCE, RobotParameters, is_lost, is_positive
+from pftrack_sim.controllers.base import LEAST_CONFIDENCE, RobotParameters, is_lost, is_positive, stopping_speed
 from pftrack_sim.controllers.target_distance import EDGE_PX, TargetDistance, View
 from pftrack_sim.core.errors import ParameterError
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, RANGES
@@ -127,8 +127,7 @@ class VisualServo:
         walks = max(self._estimator.speed_m_s, 0.0)
         near = min(distance_m, self._estimator.legs_m)
         gap = near - min(STOP_M, 0.5 * self._desired_m) + 0.5 * walks * walks / TARGET_BRAKE_M_S2
-        lag = BRAKE_M_S2 * (REACTION_S + self._robot.frame_s)
-        return math.sqrt(2.0 * BRAKE_M_S2 * max(gap, 0.0) + lag * lag) - lag
+        return stopping_speed(gap, BRAKE_M_S2, REACTION_S + self._robot.frame_s)
 
 
 def box_direction(estimate: Estimate, robot: RobotParameters) -> tuple[float, float]:

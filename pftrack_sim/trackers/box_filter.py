@@ -21,7 +21,7 @@ from pftrack_sim.core.types import FloatArray
 from pftrack_sim.trackers.base import BaseTracker
 from pftrack_sim.trackers.features.camera_motion import CameraMotion
 from pftrack_sim.trackers.features.image_region import ImageRegion, block_means, block_size
-from pftrack_sim.trackers.filters import Dynamics, ParticleFilter, RandomWalk
+from pftrack_sim.trackers.filters import ParticleFilter, RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Positive, RecognitionParameters, Share
 
 NoiseUnit: TypeAlias = Literal["px", "box"]  # Unit of the dynamics' noise: pixels, or a share of the estimated box
@@ -179,7 +179,7 @@ class BoxFilterTracker(WalkTracker[ParametersT], Generic[ParametersT, SeenT]):
         moved = min(np.hypot(*jump), np.hypot(*(jump - self._shift)))
         return bool(moved >= self.params.hold_distance * math.sqrt(self._state[2] * self._state[3]))
 
-    def _dynamics(self, sigma: tuple[float, float, float, float]) -> Dynamics:
+    def _dynamics(self, sigma: tuple[float, float, float, float]) -> RandomWalk:
         """How the particles move in this frame, given the noise of x, y, w, h [px]."""
         return RandomWalk(sigma, self.params.size_correlation)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,6 @@ from numpy.typing import NDArray
 from pftrack_sim.core.types import FloatArray
 
 Observations: TypeAlias = NDArray[np.floating[Any]]  # Observations may have half the precision of states
-
-
-class Dynamics(Protocol):
-    """Draws the next state of every particle."""
-
-    def draw(self, states: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """`(N, D)` next states, given `(N, D)` states."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -109,7 +101,7 @@ class ParticleFilter:
         """Effective sample size 1 / sum(w^2) over the number of particles, in (0, 1]; 1 where weights tell nothing."""
         return 1.0 / float(np.sum(np.square(self.weights)) * self.log_weights.size)
 
-    def predict(self, dynamics: Dynamics) -> None:
+    def predict(self, dynamics: RandomWalk | ConstantVelocity) -> None:
         """Move every particle by the dynamics."""
         self.states = dynamics.draw(self.states, self._rng)
 

@@ -41,10 +41,7 @@ _BUILTIN = {  # name: (module, description)
     "ko2012-hsv-kernel": ("papers.ko2012", "Ko et al. 2012, method 3: HSV histogram under an Epanechnikov kernel"),
     "ko2012-rgb": ("papers.ko2012", "Ko et al. 2012, method 1: RGB histogram"),
     "khan2011": ("relatives.khan2011", "Khan et al. 2011: particle filter whose particles climb by mean shift"),
-    "klein2010": (
-        "relatives.klein2010",
-        "Klein et al. 2010: particle filter on a classifier boosted every frame",
-    ),
+    "klein2010": ("relatives.klein2010", "Klein et al. 2010: particle filter on a classifier boosted every frame"),
     "kwon2005": ("papers.kwon2005", "Kwon, Kim & Lim: appearance-adaptive particle filter on a grey template"),
     "kwon2005-no-occlusion": ("papers.kwon2005", "kwon2005 without occlusion detection"),
     "lee2012": ("papers.lee2012", "Lee et al. 2012: particle filter on colour and HOG, with incremental PCA"),
@@ -70,10 +67,7 @@ _BUILTIN = {  # name: (module, description)
     "pftrack": ("pftrack.tracker", "correlation filter with colour, scale, camera motion and an occlusion test"),
     "sidibe2010": ("relatives.sidibe2010", "Sidibe et al. 2010: particle filter on colour and visual saliency"),
     "stay": ("reference", "the first box in every frame"),
-    "yang2005": (
-        "relatives.yang2005",
-        "Yang et al. 2005: quasi-random particles through a cascade of observations",
-    ),
+    "yang2005": ("relatives.yang2005", "Yang et al. 2005: quasi-random particles through a cascade of observations"),
 }
 
 

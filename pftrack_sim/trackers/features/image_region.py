@@ -34,8 +34,11 @@ class ImageRegion:
     step: FloatArray
 
     def to_region(self, boxes: FloatArray) -> FloatArray:
-        """`(N, 4)` boxes [px of the region], given `(N, 4)` boxes [px of the image]."""
-        return np.concatenate([boxes[:, :2] - self.origin, boxes[:, 2:]], axis=1) / np.tile(self.step, 2)
+        """`(N, 4+)` boxes [px of the region], given `(N, 4+)` boxes or states that are alike [px of the image]."""
+        local = boxes.copy()
+        local[:, :2] -= self.origin
+        local[:, :4] /= np.tile(self.step, 2)
+        return local
 
 
 def block_size(first: FloatArray, now: FloatArray, points: tuple[int, int]) -> tuple[float, float]:

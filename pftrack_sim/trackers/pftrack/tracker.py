@@ -215,15 +215,14 @@ class Pftrack(BaseTracker):
             self._settle(known.correction(seen.looks), image)
         if not occluded:
             self._adapt(pyramid, step, likeness, peak)
-        size = self._scale * self._size
+        now = Place(likeness, self._scale * self._size, self._centre)
         if self._distractors:
             self._continuous = likeness >= p.sure_likeness or (self._continuous and not step.elsewhere)
             sure = self._continuous and not occluded and not self._doubt
-            self._distractors.update(Place(likeness, size, self._centre), sure=sure)
-        box = np.concatenate([self._centre - 0.5 * size, size])
+            self._distractors.update(now, sure=sure)
         if step.behind:
-            return Estimate(box, occluded_confidence(self._missed))
-        return Estimate(box, ramp(likeness, UNLIKE, 1.0), occluded and (hold or covered))
+            return Estimate(now.box, occluded_confidence(self._missed))
+        return Estimate(now.box, ramp(likeness, UNLIKE, 1.0), occluded and (hold or covered))
 
     def _associate(self, pyramid: ImagePyramid, image: Image, shift: FloatArray, seen: Seen) -> Step:
         """The target's place by association with its own track and the distractors'."""

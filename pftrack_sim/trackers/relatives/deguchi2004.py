@@ -49,7 +49,6 @@ class Deguchi2004Parameters(WalkParameters):
         seeded_share: Share of the particles that are put on the box of mean shift while it follows.
     """
 
-    # docs/papers/relatives.md states what was tried on which recorded sequences.
     TUNED: ClassVar[Mapping[str, Any]] = {**TUNED_WALK, "top_count": 10}
 
     iteration_count: Annotated[int, Field(ge=1, le=1000)] = 20

@@ -49,7 +49,6 @@ class Islam2009Parameters(BoxFilterParameters):
             the template's grid.
     """
 
-    # docs/papers/relatives.md states what was tried on which recorded sequences.
     TUNED: ClassVar[Mapping[str, Any]] = {
         "particle_count": 200,
         **TUNED_WALK,

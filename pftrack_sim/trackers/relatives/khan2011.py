@@ -72,7 +72,7 @@ class Khan2011(WalkTracker[Khan2011Parameters]):
     def _start(self, image: Image, box: Box) -> None:
         self._start_particles(np.append(boxes.to_states(box), 0.0))
         region, codes = self._encode(image, self._state[None])
-        found = area_histograms(codes, _to_region(self._state[None], region), self._partition, JOINT_COUNT)[0]
+        found = area_histograms(codes, region.to_region(self._state[None]), self._partition, JOINT_COUNT)[0]
         totals = found.sum(axis=1, keepdims=True)
         self._model = np.divide(found, totals, out=np.zeros_like(found), where=totals > 0.0)
         self._usual = 1.0
@@ -85,16 +85,16 @@ class Khan2011(WalkTracker[Khan2011Parameters]):
         particle_filter.states = np.column_stack([walked, angles])
         clip_states(particle_filter.states, image)
         region, codes = self._encode(image, particle_filter.states)
-        local = _to_region(particle_filter.states, region)
+        local = region.to_region(particle_filter.states)
         climbed = mean_shift(codes, local, self._partition, self._model, p.iteration_count, p.shape_gain)
         particle_filter.states = _to_image(climbed, region)
         clip_states(particle_filter.states, image)
-        similarities, _ = self._compare(codes, _to_region(particle_filter.states, region))
+        similarities, _ = self._compare(codes, region.to_region(particle_filter.states))
         particle_filter.weigh(p.sharpness * (similarities - 1.0))
         self._state = particle_filter.mean()
         particles = upright(particle_filter.states)
         particle_filter.resample()
-        found, histograms = self._compare(codes, _to_region(self._state[None], region))
+        found, histograms = self._compare(codes, region.to_region(self._state[None]))
         similarity = float(found[0])
         if similarity >= p.learn_above * self._usual:
             self._model += p.learning_rate * (histograms[0] - self._model)
@@ -124,13 +124,6 @@ def upright(states: FloatArray) -> FloatArray:
     width, height = states[:, 2], states[:, 3]
     size = np.column_stack([np.hypot(width * cosine, height * sine), np.hypot(width * sine, height * cosine)])
     return boxes.from_states(np.concatenate([states[:, :2], size], axis=1))
-
-
-def _to_region(states: FloatArray, region: ImageRegion) -> FloatArray:
-    local = states.copy()
-    local[:, :2] -= region.origin
-    local[:, :4] /= region.step[0]
-    return local
 
 
 def _to_image(states: FloatArray, region: ImageRegion) -> FloatArray:

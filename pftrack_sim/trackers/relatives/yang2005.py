@@ -26,7 +26,7 @@ from pftrack_sim.trackers.box_filter import TUNED_WALK, BoxFilterParameters, Box
 from pftrack_sim.trackers.features.hog import hog
 from pftrack_sim.trackers.features.image_region import ImageRegion
 from pftrack_sim.trackers.features.integral import integral_image, rectangle_means
-from pftrack_sim.trackers.filters import Dynamics, RandomWalk
+from pftrack_sim.trackers.filters import RandomWalk
 from pftrack_sim.trackers.parameters import Count, NotNegative, Positive
 
 POINTS = (24, 48)
@@ -59,7 +59,6 @@ class Yang2005Parameters(BoxFilterParameters):
         quasi_random: Whether the particles' noise is a Sobol sequence; otherwise its draws are independent.
     """
 
-    # docs/papers/relatives.md states what was tried on which recorded sequences.
     TUNED: ClassVar[Mapping[str, Any]] = {
         **TUNED_WALK,
         "top_count": 10,
@@ -182,7 +181,7 @@ class Yang2005(BoxFilterTracker[Yang2005Parameters, CascadeRegion]):
         seen = self.observe(image, box[None])
         self._model = {stage: seen.features(stage, box[None])[0] for stage in STAGES}
 
-    def _dynamics(self, sigma: tuple[float, float, float, float]) -> Dynamics:
+    def _dynamics(self, sigma: tuple[float, float, float, float]) -> RandomWalk:
         return RandomWalk(sigma, self.params.size_correlation, self._normals)
 
     def observe(self, image: Image, near: FloatArray) -> CascadeRegion:
