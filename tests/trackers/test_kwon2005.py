@@ -151,16 +151,11 @@ def test_a_target_that_comes_back_elsewhere_is_found_by_the_widened_search():
     assert reached[1] > 0.6
 
 
-def turning_scene() -> tuple[list[np.ndarray], np.ndarray]:
-    """A target that rests in the world, and a camera that turns by more than a frame's noise; with its boxes."""
-    world = random_texture(4 * WIDTH, HEIGHT, 5, cell=9)
-    lefts = [100, 100, 100, 160, 160, 160]
-    images = [np.ascontiguousarray(world[:, left : left + 2 * WIDTH]) for left in lefts]
-    return images, np.array([[320.0 - left, 40, 24, 36] for left in lefts])
-
-
 def test_a_covered_target_is_carried_along_by_the_camera():
-    images, truth = turning_scene()
+    """It rests in the world, and the camera turns by more than a frame's noise."""
+    world, lefts = random_texture(4 * WIDTH, HEIGHT, 5, cell=9), [100, 100, 100, 160, 160, 160]
+    images = [np.ascontiguousarray(world[:, left : left + 2 * WIDTH]) for left in lefts]
+    truth = np.array([[320.0 - left, 40, 24, 36] for left in lefts])
     for image, box in zip(images[2:], truth[2:], strict=True):
         left, top, width, height = box.astype(int)
         image[top - 4 : top + height + 4, left - 4 : left + width + 4] = 128
@@ -289,9 +284,10 @@ def test_the_velocity_of_a_linear_model_is_exact(kind: type[np.floating], digits
     assert np.allclose(found / UNITS, moved / UNITS, rtol=0, atol=10 * digits)
 
 
-def test_zero_innovation_gives_zero_velocity():
+def test_zero_innovation_and_one_particle_give_zero_velocity():
     _, particles, seen = linear_model(np.float64)
     assert np.array_equal(adaptive_velocity(fit_slopes(particles, seen), np.zeros(90)), np.zeros(4))
+    assert np.array_equal(adaptive_velocity(fit_slopes(np.zeros((1, 4)), np.zeros((1, 9))), np.ones(9)), np.zeros(4))
 
 
 def test_unobservable_components_get_zero_velocity():
@@ -306,10 +302,6 @@ def test_unobservable_components_get_zero_velocity():
     blind[1] = 0.0
     found = adaptive_velocity(fit_slopes(particles, particles @ blind), -moved @ blind)
     assert np.allclose(found / UNITS, moved / UNITS, rtol=0, atol=1e-9)
-
-
-def test_one_particle_gives_zero_velocity():
-    assert np.array_equal(adaptive_velocity(fit_slopes(np.zeros((1, 4)), np.zeros((1, 9))), np.ones(9)), np.zeros(4))
 
 
 def test_observation_noise_averages_out():

@@ -7,16 +7,6 @@ from pftrack_sim.trackers.relatives.sidibe2010 import Sidibe2010, spectral_resid
 from tests.trackers.following import Scene, follow, made
 
 
-def test_the_saliency_of_the_first_box_is_matched_there_and_less_beside(scene: Scene):
-    images, truth = scene
-    tracker = made(Sidibe2010, lambda_colour=0)
-    tracker.init(images[0], truth[0])
-    shifted = truth[0] + np.array([[0.0, 0, 0, 0], [8, 0, 0, 0], [0, -10, 0, 0], [-10, -10, 0, 0]])
-    similarity = tracker.similarities(tracker.observe(images[0], shifted), shifted)[1]
-    assert similarity[0] == pytest.approx(1.0, abs=1e-9)
-    assert (similarity[1:] < 0.98).all()
-
-
 def test_saliency_distinguishes_a_target_from_a_patch_of_its_colours():
     """The target is one stripe in a calm place; the other patch, of equal colours, lies in a field of stripes."""
     image = np.full((120, 200, 3), 120, np.uint8)

@@ -1,5 +1,7 @@
 """The incremental subspace against the full decomposition of the same vectors."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,14 @@ def stream(kind: str, dimension: int, count: int, seed: int = 0) -> np.ndarray:
         return raw / raw.sum(axis=1, keepdims=True)
     low = rng.standard_normal((3, dimension))  # "flat": of rank three
     return rng.standard_normal((count, 3)) @ low
+
+
+def grown(seen: np.ndarray, first: int, **memory: Any) -> Subspace:
+    """The subspace of the `first` vectors, after the others."""
+    subspace = Subspace(seen[:first].T, **memory)
+    for vector in seen[first:]:
+        subspace.append(vector)
+    return subspace
 
 
 def sine_of_largest_angle(first: np.ndarray, second: np.ndarray) -> float:
@@ -41,20 +51,15 @@ def test_it_equals_the_full_decomposition_of_the_window(kind: str, dimension: in
 
 def test_it_stays_exact_over_thousands_of_frames():
     window, seen = 40, stream("histograms", 192, 3000)
-    subspace = Subspace(seen[:window].T, "sliding")
-    for vector in seen[window:]:
-        subspace.append(vector)
+    basis = grown(seen, window, memory="sliding").basis(window)
     u = np.linalg.svd(seen[-window:].T, full_matrices=False)[0]
-    basis = subspace.basis(window)
     assert np.allclose(basis.T @ basis, np.eye(window), rtol=0, atol=1e-11)
-    assert sine_of_largest_angle(subspace.basis(10), u[:, :10]) < 1e-6
+    assert sine_of_largest_angle(basis[:, :10], u[:, :10]) < 1e-6
 
 
 def test_dropped_vectors_have_no_effect():
     seen = stream("random", 50, 9)
-    subspace = Subspace(seen[:4].T, "sliding")
-    for vector in seen[4:]:
-        subspace.append(vector)
+    subspace = grown(seen, 4, memory="sliding")
     assert np.allclose(residuals(seen[5:], subspace.basis(4)), 0, rtol=0, atol=1e-12)
     assert (residuals(seen[:5], subspace.basis(4)) > 1).all()
 
@@ -85,9 +90,7 @@ def test_a_window_of_zeros_has_rank_zero():
 def test_a_growing_memory_equals_the_full_decomposition_of_all_faded_vectors(forgetting: float):
     """Every vector stays, times the factor for each vector after it (eq. 6 and 7, and Ross et al. 2008)."""
     seen = stream("flat", 80, 60)
-    subspace = Subspace(seen[:5].T, forgetting=forgetting)
-    for vector in seen[5:]:
-        subspace.append(vector)
+    subspace = grown(seen, 5, forgetting=forgetting)
     ages = np.minimum(np.arange(60)[::-1], 55)
     u, s, _ = np.linalg.svd((seen * forgetting ** ages[:, None]).T, full_matrices=False)
     assert sine_of_largest_angle(subspace.basis(5), u[:, :3]) < 1e-9
@@ -96,10 +99,7 @@ def test_a_growing_memory_equals_the_full_decomposition_of_all_faded_vectors(for
 
 def test_the_rank_of_a_growing_memory_is_limited():
     seen = stream("random", 50, 30)
-    subspace = Subspace(seen[:4].T)
-    for vector in seen[4:]:
-        subspace.append(vector)
-    basis = subspace.basis(99)
+    basis = grown(seen, 4).basis(99)
     assert basis.shape == (50, 4)
     assert np.allclose(basis.T @ basis, np.eye(4), rtol=0, atol=1e-12)
 
