@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pftrack_sim.controllers import Controller
+from pftrack_sim import controllers
+from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.core.proprioception import PROPRIO_INDEX, PROPRIO_NAMES, RANGE_ANGLES_RAD, RANGE_M, RANGES
 from pftrack_sim.core.records import Estimate
 
@@ -16,6 +17,13 @@ FOCAL_PX = 240.0 / math.tan(math.radians(25.0))
 LIMITS = np.array([1.6, math.radians(90.0), math.radians(120.0), math.radians(60.0)])
 WALKER_M = 0.15
 HALF_VIEW_RAD = math.atan2(320.0, FOCAL_PX)
+
+
+def started(name: str = "servo", **params: float) -> Controller:
+    """A controller at the start of an episode."""
+    controller = controllers.make(name, **params)
+    controller.reset(RobotParameters(SIZE))
+    return controller
 
 
 class Playground:

@@ -7,10 +7,7 @@ import pytest
 from pftrack_sim import controllers
 from pftrack_sim.controllers import RobotParameters
 from pftrack_sim.controllers.registry import GROUP
-from pftrack_sim.controllers.visual_servo import ACCELERATION
 from pftrack_sim.core.errors import ControllerError, ParameterError
-from pftrack_sim.core.proprioception import PROPRIO_NAMES
-from pftrack_sim.core.records import Estimate
 
 
 class Spinner:
@@ -57,16 +54,3 @@ def test_installed_controllers_are_listed_and_cannot_take_builtin_names(monkeypa
 def test_invalid_robot_parameters_are_refused(wrong: dict):
     with pytest.raises(ParameterError, match="robot parameters"):
         RobotParameters(**wrong)
-
-
-def test_commands_are_rate_limited():
-    controller = controllers.make("servo")
-    robot = RobotParameters(rate_hz=20.0, max_speed_m_s=2.0)
-    controller.reset(robot)
-    rng = np.random.default_rng(1)
-    last = np.zeros(4)
-    for _ in range(100):
-        box = np.concatenate([rng.uniform(0, 500, 2), rng.uniform(20, 300, 2)])
-        now = controller.act(Estimate(box), np.zeros(len(PROPRIO_NAMES)))
-        assert (np.abs(now - last) * robot.limits * robot.rate_hz <= ACCELERATION + 1e-9).all()
-        last = now

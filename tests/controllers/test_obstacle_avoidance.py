@@ -2,21 +2,12 @@ import math
 
 import numpy as np
 import pytest
-from playground import SIZE, Playground
+from playground import Playground, started
 
-from pftrack_sim import controllers
-from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.controllers.moving_obstacles import MovingObstacles
 from pftrack_sim.controllers.obstacle_avoidance import BRAKE_M_S2, HULL_M
 from pftrack_sim.controllers.passing import KEEP_M, pass_movers
 from pftrack_sim.core.proprioception import RANGE_ANGLES_RAD
-
-
-def made(name: str = "servo-avoid") -> Controller:
-    controller = controllers.make(name)
-    controller.reset(RobotParameters(SIZE))
-    return controller
-
 
 POSTS = {
     "one in the way": [(3.0, 0.05, 0.2)],
@@ -28,28 +19,28 @@ POSTS = {
 @pytest.mark.parametrize("name", list(POSTS))
 def test_the_target_is_reached_past_obstacles_without_contact(name: str):
     world = Playground((9.0, 0.0), posts=POSTS[name])
-    world.play(made(), 25.0)
+    world.play(started("servo-avoid"), 25.0)
     assert world.nearest_m > HULL_M + 0.03
     assert abs(world.distance_m - 3.0) < 0.3
 
 
 def test_servo_without_avoidance_hits_the_obstacle():
     world = Playground((9.0, 0.0), posts=POSTS["one in the way"])
-    world.play(made("servo"), 10.0)
+    world.play(started("servo"), 10.0)
     assert world.nearest_m < HULL_M
 
 
 def test_without_obstacles_it_equals_servo():
     rooms = [Playground((6.0, 2.0)), Playground((6.0, 2.0))]
     for world, name in zip(rooms, ("servo", "servo-avoid"), strict=True):
-        world.play(made(name), 6.0, (0.8, 0.3))
+        world.play(started(name), 6.0, (0.8, 0.3))
     np.testing.assert_allclose(rooms[0].commands, rooms[1].commands, atol=1e-12)
 
 
 def test_it_stops_before_a_wall_at_full_speed():
     wall = [(6.0, y, 0.3) for y in np.arange(-12.0, 12.01, 0.4)]
     world = Playground((9.0, 0.0), posts=wall)
-    world.play(made(), 20.0)
+    world.play(started("servo-avoid"), 20.0)
     assert world.nearest_m > HULL_M
     assert 0.5 * 1.6**2 / BRAKE_M_S2 < 5.0  # it can see as far as it needs to stop
 
@@ -57,7 +48,7 @@ def test_it_stops_before_a_wall_at_full_speed():
 def test_pan_and_tilt_equal_those_of_servo():
     clear, blocked = Playground((6.0, 1.0)), Playground((6.0, 1.0), posts=[(1.2, 0.2, 0.3)])
     for world in (clear, blocked):
-        world.play(made(), 1.0 / 30.0)
+        world.play(started("servo-avoid"), 1.0 / 30.0)
     np.testing.assert_array_equal(clear.commands[0][2:], blocked.commands[0][2:])
     assert not math.isclose(clear.commands[0][1], blocked.commands[0][1], abs_tol=1e-3)
 
@@ -65,7 +56,7 @@ def test_pan_and_tilt_equal_those_of_servo():
 @pytest.mark.parametrize("stop_s", [0.0, 40.0])
 def test_it_does_not_reverse_into_a_passed_obstacle_nor_one_seen_before_a_long_stop(stop_s: float):
     world = Playground((5.5, 0.0), posts=[(1.2, 0.62, 0.3)])
-    controller = made()
+    controller = started("servo-avoid")
     world.play(controller, 5.0)
     assert world.x > 2.0
     if stop_s:
@@ -82,7 +73,7 @@ def test_it_does_not_reverse_into_a_passed_obstacle_nor_one_seen_before_a_long_s
 def test_round_the_end_of_a_wall_it_drives_along_the_trail_of_the_target():
     wall = [(x, 1.6, 0.1) for x in np.arange(-8.0, 5.6, 0.15)]
     world = Playground((3.0, 0.0), posts=wall)
-    controller = made()
+    controller = started("servo-avoid")
     for seconds, velocity in ((3.5, (1.2, 0.0)), (2.7, (0.0, 1.2)), (7.0, (-1.2, 0.0)), (10.0, (0.0, 0.0))):
         world.play(controller, seconds, velocity)
     assert world.nearest_m > HULL_M
@@ -92,7 +83,7 @@ def test_round_the_end_of_a_wall_it_drives_along_the_trail_of_the_target():
 
 @pytest.mark.parametrize("aside", [0.0, 0.3, -0.3])
 def test_it_keeps_off_a_person_who_turns_round_and_comes_while_lost(aside: float):
-    world, controller = Playground((3.0, aside), legs=True), made()
+    world, controller = Playground((3.0, aside), legs=True), started("servo-avoid")
     world.play(controller, 3.0, (1.0, 0.0))
     for _ in range(60):
         world.play(controller, 0.1, (-0.8, 0.0) if world.distance_m > 0.8 else (0.0, 0.0), sure=False)
@@ -101,7 +92,7 @@ def test_it_keeps_off_a_person_who_turns_round_and_comes_while_lost(aside: float
 
 def test_it_passes_who_walks_more_slowly_than_the_target():
     world = Playground((3.0, 0.0), legs=True, walkers=[(1.6, 0.2, 0.6, 0.0)])
-    world.play(made(), 12.0, (1.1, 0.0))
+    world.play(started("servo-avoid"), 12.0, (1.1, 0.0))
     assert world.distance_m < 3.6
     assert world.x > world.walkers[0, 0]
     assert world.nearest_walker_m > KEEP_M
@@ -111,13 +102,13 @@ def test_it_passes_who_walks_more_slowly_than_the_target():
 def test_it_keeps_off_who_crosses_its_way(seconds: float):
     # They would meet: the robot drives 1.1 m/s along the x axis.
     world = Playground((3.0, 0.0), legs=True, walkers=[(1.1 * seconds + 1.0, 1.2 * seconds + 0.4, 0.0, -1.2)])
-    world.play(made(), 8.0, (1.1, 0.0))
+    world.play(started("servo-avoid"), 8.0, (1.1, 0.0))
     assert world.nearest_walker_m > KEEP_M - 0.05
     assert abs(world.distance_m - 3.0) < 0.5
 
 
 def test_somebody_who_has_just_stopped_beside_it_does_not_hold_it():
-    world, controller = Playground((3.0, 0.0), legs=True, walkers=[(1.3, -2.2, 0.0, 1.0)]), made()
+    world, controller = Playground((3.0, 0.0), legs=True, walkers=[(1.3, -2.2, 0.0, 1.0)]), started("servo-avoid")
     world.play(controller, 1.5, (0.4, 0.0))
     world.walkers[0, 2:] = 0.0
     world.play(controller, 2.0, (1.1, 0.0))

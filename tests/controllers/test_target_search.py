@@ -2,23 +2,15 @@ import math
 
 import numpy as np
 import pytest
-from playground import SIZE, Playground
+from playground import Playground, started
 
-from pftrack_sim import controllers
-from pftrack_sim.controllers import Controller, RobotParameters
 from pftrack_sim.controllers.obstacle_avoidance import HULL_M
 from pftrack_sim.controllers.target_search import ARRIVED_M, LEAD_S, LOOK_S, OVERSHOOT_RAD, PATIENCE_S, TargetSearch
 
 
-def servo(name: str = "servo") -> Controller:
-    controller = controllers.make(name)
-    controller.reset(RobotParameters(SIZE))
-    return controller
-
-
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_it_looks_first_to_the_side_where_the_target_left(side: float):
-    world, controller = Playground((3.0, 0.0)), servo()
+    world, controller = Playground((3.0, 0.0)), started()
     world.play(controller, 2.0, (0.0, 0.5 * side))
     before = world.heading + world.pan
     world.play(controller, PATIENCE_S + LOOK_S, sure=False)
@@ -30,7 +22,7 @@ def test_it_looks_first_to_the_side_where_the_target_left(side: float):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_person_behind_the_robot_is_found_again(side: float):
-    world, controller = Playground((3.0, 0.0)), servo()
+    world, controller = Playground((3.0, 0.0)), started()
     world.play(controller, 2.0, (0.0, 0.4 * side))
     # The person moves to the other side of the robot while out of view.
     world.target = np.array([world.x - 2.5, world.y - 1.0 * side])
@@ -52,7 +44,7 @@ def test_the_sweep_covers_all_directions_at_a_bounded_rate():
 
 
 def test_servo_never_drives_without_a_target():
-    world, controller = Playground((3.0, 0.0)), servo()
+    world, controller = Playground((3.0, 0.0)), started()
     world.play(controller, 3.0, (1.0, 0.0))
     world.play(controller, PATIENCE_S + 0.1, sure=False)
     world.commands.clear()
@@ -62,7 +54,7 @@ def test_servo_never_drives_without_a_target():
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_it_drives_to_the_last_place_and_on_along_the_last_motion(side: float):
-    world, controller = Playground((3.0, 0.0)), servo("servo-avoid")
+    world, controller = Playground((3.0, 0.0)), started("servo-avoid")
     world.play(controller, 4.0, (0.8, 0.6 * side))
     last, velocity = world.target.copy(), np.array([0.8, 0.6 * side])
     world.play(controller, 8.0, sure=False)
@@ -76,7 +68,7 @@ def test_it_drives_to_the_last_place_and_on_along_the_last_motion(side: float):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_person_who_walks_past_the_robot_is_looked_for_behind_it(side: float):
-    world, controller = Playground((4.0, 0.5 * side)), servo("servo-avoid")
+    world, controller = Playground((4.0, 0.5 * side)), started("servo-avoid")
     world.play(controller, 1.0)
     while world.distance_m > 1.6:
         world.play(controller, 0.1, (-1.3, 0.0))
@@ -93,7 +85,7 @@ def test_a_person_behind_a_corner_is_found_again():
     wall = [(x, 0.6, 0.15) for x in np.arange(-1.0, 4.01, 0.25)]
     found = {}
     for name in ("servo", "servo-avoid"):
-        world, controller = Playground((3.0, 0.0), posts=wall), servo(name)
+        world, controller = Playground((3.0, 0.0), posts=wall), started(name)
         world.play(controller, 2.0, (0.8, 0.0))
         world.play(controller, 2.0, (0.0, 1.0), sure=False)
         for _ in range(200):
@@ -107,7 +99,7 @@ def test_a_person_behind_a_corner_is_found_again():
 
 def test_it_looks_around_where_the_way_to_the_last_place_is_closed():
     ring = [(2.0 * math.cos(angle), 2.0 * math.sin(angle), 0.3) for angle in np.arange(0.0, 6.3, 0.2)]
-    world, controller = Playground((4.0, 0.0), posts=ring), servo("servo-avoid")
+    world, controller = Playground((4.0, 0.0), posts=ring), started("servo-avoid")
     world.play(controller, 1.0)
     world.play(controller, 20.0, sure=False)
     assert world.nearest_m > HULL_M
@@ -120,7 +112,7 @@ def test_it_does_not_drive_up_to_somebody_who_stands_at_the_last_place():
     """The tracker lost a person in full view, who turned, say: too near, the camera sees a part of the body alone."""
     nearest: list[float] = []
     for legs in (True, False):
-        world, controller = Playground((3.0, 0.0), legs=legs), servo("servo-avoid")
+        world, controller = Playground((3.0, 0.0), legs=legs), started("servo-avoid")
         world.play(controller, 3.0)
         world.target[0] += 1.5  # So that there is a way to drive
         world.play(controller, 0.5)

@@ -48,13 +48,6 @@ def test_normalised_error_is_in_sizes_of_the_box():
     assert curves.normalised_precision(errors[:3] - 1e-9) == pytest.approx((21 + 11) / 3 / 51)
 
 
-def test_a_perfect_tracker():
-    ones, zeros = np.ones(7), np.zeros(7)
-    assert score.area_under_success(ones) == pytest.approx(20 / 21)
-    assert curves.normalised_precision(zeros) == 1.0
-    assert score.precision_curve(zeros).tolist() == [1.0] * 51
-
-
 def test_nothing_to_score_is_nan():
     assert np.isnan(score.success_curve([])).all()
     assert math.isnan(score.area_under_success([]))
