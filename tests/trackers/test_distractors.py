@@ -21,6 +21,7 @@ from pftrack_sim.trackers.recognition.search import Place, Reach, search
 from tests.trackers.following import follow
 from tests.trackers.test_person import known_in
 
+Seen = tuple[Frame, np.ndarray, Distractors]
 SIZE = {"camera.width_px": 320, "camera.height_px": 240, "camera.rate_hz": 2}
 STILL = np.zeros(2)
 
@@ -45,7 +46,7 @@ def beside(frame: Frame) -> list[np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def seen() -> Iterator[tuple[Frame, np.ndarray, Distractors]]:
+def seen() -> Iterator[Seen]:
     """A frame, the box of a distractor in it, and those who are tracked."""
     simulation = Simulation(load("follow/plaza", SIZE))
     frame = simulation.reset(3)
@@ -74,16 +75,13 @@ def tracked(frame: Frame, *, sure: bool = True) -> Distractors:
     return distractors
 
 
-def test_who_is_beside_the_target_is_tracked_and_the_target_is_not(seen: tuple[Frame, np.ndarray, Distractors]):
+def test_who_is_beside_the_target_is_tracked_and_the_target_is_not(seen: Seen):
     frame, other, distractors = seen
-    target = place(frame.truth.amodal_box)
     assert distractors.are_at(place(other))
-    assert not distractors.are_at(target)
+    assert not distractors.are_at(place(frame.truth.amodal_box))
 
 
-def test_only_a_person_where_the_target_is_predicted_is_in_its_gate(
-    seen: tuple[Frame, np.ndarray, Distractors],
-):
+def test_only_a_person_where_the_target_is_predicted_is_in_its_gate(seen: Seen):
     frame, other, _ = seen
     distractors, pyramid, target = tracked(frame), ImagePyramid(frame.image), place(frame.truth.amodal_box)
     assert seen_from(distractors, pyramid, target.box).in_gate
@@ -94,7 +92,7 @@ def test_only_a_person_where_the_target_is_predicted_is_in_its_gate(
     assert not seen_from(distractors, pyramid, other).in_gate
 
 
-def test_an_occluded_target_keeps_its_size_whatever_its_occluders(seen: tuple[Frame, np.ndarray, Distractors]):
+def test_an_occluded_target_keeps_its_size_whatever_its_occluders(seen: Seen):
     """The robot that approaches both comes nearer to the occluder."""
     frame, other, _ = seen
     distractors, occluder, image = tracked(frame), place(other), frame.image.copy()
@@ -109,9 +107,7 @@ def test_an_occluded_target_keeps_its_size_whatever_its_occluders(seen: tuple[Fr
     assert behind.centre[1] == target.centre[1]
 
 
-def test_who_is_hidden_behind_the_target_is_not_looked_for(
-    seen: tuple[Frame, np.ndarray, Distractors], monkeypatch: pytest.MonkeyPatch
-):
+def test_who_is_hidden_behind_the_target_is_not_looked_for(seen: Seen, monkeypatch: pytest.MonkeyPatch):
     """A detection there would be the target, and the distractor's track would take it."""
     frame, other, _ = seen
     tracks, pyramid, target = tracked(frame), ImagePyramid(frame.image), place(frame.truth.amodal_box)
@@ -138,7 +134,7 @@ def with_target_at(frame: Frame, other: np.ndarray, *, exchanged: bool) -> Image
     return ImagePyramid(image)
 
 
-def test_a_track_that_goes_over_to_the_target_does_not_hide_it(seen: tuple[Frame, np.ndarray, Distractors]):
+def test_a_track_that_goes_over_to_the_target_does_not_hide_it(seen: Seen):
     frame, other, _ = seen
     distractors, target, at = tracked(frame), frame.truth.amodal_box, place(other)
     assert distractors.are_at(at)
@@ -149,7 +145,7 @@ def test_a_track_that_goes_over_to_the_target_does_not_hide_it(seen: tuple[Frame
         assert not distractors.are_at(at)
 
 
-def test_a_box_and_a_track_that_were_exchanged_are_told_by_their_looks(seen: tuple[Frame, np.ndarray, Distractors]):
+def test_a_box_and_a_track_that_were_exchanged_are_told_by_their_looks(seen: Seen):
     frame, other, _ = seen
     distractors, target = tracked(frame), frame.truth.amodal_box
     image = with_target_at(frame, other, exchanged=True)
@@ -159,7 +155,7 @@ def test_a_box_and_a_track_that_were_exchanged_are_told_by_their_looks(seen: tup
     assert second.likeness >= UNSURE
 
 
-def test_who_was_beside_the_target_is_remembered_when_the_track_ends(seen: tuple[Frame, np.ndarray, Distractors]):
+def test_who_was_beside_the_target_is_remembered_when_the_track_ends(seen: Seen):
     frame, other, _ = seen
     pyramid, target, at = ImagePyramid(frame.image), frame.truth.amodal_box, place(other)
     person = known_in(frame)
@@ -183,7 +179,7 @@ def test_who_was_beside_the_target_is_remembered_when_the_track_ends(seen: tuple
     assert not any(boxes.iou(one.box, other) > 0.5 for one in places)
 
 
-def test_nobody_is_tracked_while_the_target_is_not_sure(seen: tuple[Frame, np.ndarray, Distractors]):
+def test_nobody_is_tracked_while_the_target_is_not_sure(seen: Seen):
     frame, other, _ = seen
     assert not tracked(frame, sure=False).are_at(place(other))
 
