@@ -12,7 +12,6 @@ import numpy as np
 from pftrack_sim.core import random_streams
 from pftrack_sim.core.errors import ScenarioError
 from pftrack_sim.scenario import ResolvedScenario
-from pftrack_sim.scenario.clothes import Clothes
 from pftrack_sim.scenario.model import Occluder
 from pftrack_sim.scenario.people import FurtherTarget, Target
 from pftrack_sim.scene.layout import CONTACT, WalkableArea, owner_name
@@ -25,7 +24,7 @@ from pftrack_sim.scene.occluders import (
     cart_names,
     distractor_crossings,
 )
-from pftrack_sim.scene.people.person import Person, add_person, sample_people, sample_target
+from pftrack_sim.scene.people.person import Person, add_person, sample_others, sample_target
 from pftrack_sim.scene.people.props import add_props
 from pftrack_sim.scene.places.builder import add_ground_plane
 from pftrack_sim.scene.places.place import add_place
@@ -115,17 +114,14 @@ def add_agents(
     """
     wardrobe = settings.target.wardrobe or settings.place.kind
     wardrobe_seed = int(random_streams.stream(seed, "wardrobe", wardrobe).integers(2**32))
-    people = sample_people(
-        wardrobe_seed,
-        settings.target.height_m,
-        settings.distractors.count,
-        settings.distractors.similarity,
-        [walker.similarity for walker in _walkers(settings)],
-        [settings.axes.distractors.similarity] * len(settings.axes.distractors.passings_s),
-        [group.similarity for group in settings.groups for _ in range(group.count)],
-        _clothes(settings.target),
-        settings.target.uses,
-    )
+    target, axis = _sample_target(wardrobe_seed, "target", settings.target), settings.axes.distractors
+    similarities = {
+        "distractor": [settings.distractors.similarity] * settings.distractors.count,
+        "crosser": [walker.similarity for walker in _walkers(settings)],
+        "passer": [axis.similarity] * len(axis.passings_s),
+        "member": [group.similarity for group in settings.groups for _ in range(group.count)],
+    }
+    people = target, *sample_others(wardrobe_seed, target, similarities)
     seats = [group.kind == "sit" for group in settings.groups for _ in range(group.count)]
     seated = {f"member-{number}" for number, sits in enumerate(seats, start=1) if sits}
     people = tuple(
@@ -135,7 +131,7 @@ def add_agents(
     for one in settings.walking_targets:
         if one.name in taken:
             raise ScenarioError(f"{settings.title!r} at seed {seed}", [f"targets: {one.name!r} names a thing there"])
-        people = (*people, sample_target(wardrobe_seed, one.name, one.height_m, _clothes(one), one.uses))
+        people = (*people, _sample_target(wardrobe_seed, one.name, one))
     thing = settings.target.thing
     if thing is not None:
         add_thing(spec, people[0].name, thing)
@@ -149,10 +145,11 @@ def add_agents(
     return people
 
 
-def _clothes(target: Target | FurtherTarget) -> Clothes:
+def _sample_target(seed: int, name: str, target: Target | FurtherTarget) -> Person:
     lowers = any(action.kind in ("sit", "crouch", "bend") for action in target.actions)
     lowers = lowers or target.uses in ("wheelchair", "bicycle")
-    return target.clothes.model_copy(update=_TROUSERS) if lowers else target.clothes
+    clothes = target.clothes.model_copy(update=_TROUSERS) if lowers else target.clothes
+    return sample_target(seed, name, target.height_m, clothes, target.uses)
 
 
 def _walkers(settings: ResolvedScenario) -> tuple[Occluder, ...]:

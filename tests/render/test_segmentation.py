@@ -13,8 +13,9 @@ from pftrack_sim.render.culling import PixelRect, View
 from pftrack_sim.render.gl.rasteriser import Rasteriser
 from pftrack_sim.render.segmentation import Segmentation, Segmenter, draw_triangles
 from pftrack_sim.render.triangles import Detail
+from pftrack_sim.scenario.clothes import Clothes
 from pftrack_sim.scene.layout import HIDDEN_GROUP, PEOPLE_GROUP
-from pftrack_sim.scene.people.person import add_person, sample_people
+from pftrack_sim.scene.people.person import add_person, sample_target
 from pftrack_sim.scene.scene_spec import SceneSpec
 
 IMAGE = PixelRect(0, 0, WIDTH, HEIGHT)
@@ -130,7 +131,7 @@ def test_people_at_a_distance_are_drawn_and_segmented_by_the_same_coarser_meshes
     spec = SceneSpec()
     spec.stat.extent, spec.visual.map.znear, spec.visual.map.zfar = 1.0, NEAR, FAR
     spec.visual.quality.offsamples = 0
-    add_person(spec, sample_people(5, 1.8, 0, 0.0, ())[0])
+    add_person(spec, sample_target(5, "target", 1.8, Clothes()))
     model = spec.compile()
     model.mat_emission[:] = 1.0  # Nothing that is drawn is black
     detail, segmenter, data = Detail(model), Segmenter(model), mujoco.MjData(model)

@@ -58,37 +58,17 @@ class Person:
     uses: Mobility | None = None
 
 
-def sample_people(
-    seed: int,
-    target_height_m: float,
-    distractor_count: int,
-    distractor_similarity: float,
-    crosser_similarities: Sequence[float],
-    passer_similarities: Sequence[float] = (),
-    member_similarities: Sequence[float] = (),
-    clothes: Clothes | None = None,
-    uses: Mobility | None = None,
-) -> tuple[Person, ...]:
-    """Sample `target`, `distractor-1`.., `crosser-1`.., `passer-1`.., `member-1`..; adding a person changes no other.
+def sample_others(seed: int, target: Person, similarities: Mapping[str, Sequence[float]]) -> tuple[Person, ...]:
+    """Sample the others by their roles: `crosser-1`, `crosser-2`, ...; adding a person changes no other.
 
     A similarity is that of the appearance to the target, in clothes, height and girth, from 0 to 1 (the same clothes
-    and body): one for all distractors, one for each pedestrian that crosses the line of sight, and one for each that
-    passes close by the target or belongs to a group. Who crosses, to cover the target, is no smaller and no slimmer.
-    `clothes` says what the target's are, the rest is drawn.
+    and body). Who crosses the line of sight, to cover the target, is no smaller and no slimmer.
     """
-    target = sample_target(seed, "target", target_height_m, clothes or Clothes(), uses)
-    roles = {
-        "distractor": [distractor_similarity] * distractor_count,
-        "crosser": crosser_similarities,
-        "passer": passer_similarities,
-        "member": member_similarities,
-    }
-    others = [
+    return tuple(
         _similar_person(seed, f"{role}-{number}", target, similarity)
-        for role, similarities in roles.items()
-        for number, similarity in enumerate(similarities, start=1)
-    ]
-    return (target, *others)
+        for role, own in similarities.items()
+        for number, similarity in enumerate(own, start=1)
+    )
 
 
 def sample_target(seed: int, name: str, height_m: float, clothes: Clothes, uses: Mobility | None = None) -> Person:

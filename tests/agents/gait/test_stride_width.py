@@ -6,9 +6,10 @@ from render_stage import facing
 
 from pftrack_sim.agents.gait.gait import Gait
 from pftrack_sim.agents.traffic import PHASES, median_width_phase
-from pftrack_sim.scene.people.person import Person, part_meshes, sample_people
+from pftrack_sim.scenario.clothes import Clothes
+from pftrack_sim.scene.people.person import Person, part_meshes, sample_target
 
-(PERSON,) = sample_people(3, 1.75, 0, 0.0, [])
+PERSON = sample_target(3, "target", 1.75, Clothes())
 START, EYE_M = np.array([4.0, 0.0]), (0.0, 0.0, 1.2)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import mujoco
@@ -25,7 +26,8 @@ from pftrack_sim.scene.people.person import (
     add_person,
     part_meshes,
     part_mocap_ids,
-    sample_people,
+    sample_others,
+    sample_target,
 )
 from pftrack_sim.scene.people.texture_atlas import ATLAS_SIZE, TOP, cloth_mesh, paint_atlas
 from pftrack_sim.scene.scene_spec import SceneSpec
@@ -37,6 +39,14 @@ def rng(seed: int) -> np.random.Generator:
 
 def person(seed: int) -> Person:
     return Person("target", sample_anatomy(rng(seed)), sample_outfit(rng(seed + 1000)))
+
+
+def sample_people(
+    seed: int, height_m: float, clothes: Clothes | None = None, **similarities: Sequence[float]
+) -> tuple[Person, ...]:
+    """The target, and others by their roles."""
+    target = sample_target(seed, "target", height_m, clothes or Clothes())
+    return target, *sample_others(seed, target, similarities)
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -143,7 +153,7 @@ def test_meshes_have_few_faces_and_outward_unit_normals(seed: int):
 
 
 def test_model_of_six_people():
-    people = sample_people(7, 1.74, 3, 0.4, (0.0, 0.9))
+    people = sample_people(7, 1.74, distractor=[0.4] * 3, crosser=(0.0, 0.9))
     spec = SceneSpec()
     for sampled in people:
         add_person(spec, sampled)
@@ -182,7 +192,8 @@ def test_parts_of_a_name_that_is_not_in_the_model_are_an_error():
 
 
 def test_adding_people_changes_no_other_person():
-    few, many = sample_people(3, 1.7, 1, 0.3, (0.5,)), sample_people(3, 1.7, 4, 0.3, (0.5, 0.1), (0.2,))
+    few = sample_people(3, 1.7, distractor=[0.3], crosser=(0.5,))
+    many = sample_people(3, 1.7, distractor=[0.3] * 4, crosser=(0.5, 0.1), passer=(0.2,))
     named = {sampled.name: sampled for sampled in many}
     distractors = [f"distractor-{number}" for number in range(1, 5)]
     assert list(named) == ["target", *distractors, "crosser-1", "crosser-2", "passer-1"]
@@ -191,7 +202,7 @@ def test_adding_people_changes_no_other_person():
 
 
 def test_similarity_applies_to_height_and_clothes():
-    different, same = sample_people(5, 1.9, 6, 0.0, ()), sample_people(5, 1.9, 6, 1.0, ())
+    different, same = (sample_people(5, 1.9, distractor=[similarity] * 6) for similarity in (0.0, 1.0))
     assert np.mean([abs(other.anatomy.height_m - 1.9) for other in different[1:]]) > 0.05
     for other in same[1:]:
         assert abs(other.anatomy.height_m - 1.9) < 1e-9
@@ -200,7 +211,7 @@ def test_similarity_applies_to_height_and_clothes():
 
 @pytest.mark.parametrize("seed", range(8))
 def test_who_crosses_the_line_of_sight_is_as_large_as_the_target(seed: int):
-    target, *crossers = sample_people(seed, 1.9, 0, 0.0, (0.0, 0.5, 1.0))
+    target, *crossers = sample_people(seed, 1.9, crosser=(0.0, 0.5, 1.0))
     for crosser in crossers:
         assert crosser.anatomy.height_m >= target.anatomy.height_m
         assert crosser.anatomy.girth >= target.anatomy.girth
@@ -303,11 +314,11 @@ def test_garments_are_as_frequent_as_their_weights():
 
 
 def test_a_scenario_says_what_the_target_wears_and_the_rest_is_drawn():
-    drawn = sample_people(5, 1.7, 2, 0.0, [])[0]
+    (drawn,) = sample_people(5, 1.7)
     clothes = Clothes(
         top="#a03020", shoes="#102030", cut="hood", hair="cap", skin="#c09070", girth=1.2, long_legs=False
     )
-    dressed = sample_people(5, 1.7, 2, 1.0, [], clothes=clothes)
+    dressed = sample_people(5, 1.7, clothes, distractor=(1.0, 1.0))
     target = dressed[0]
     assert target.outfit.top.colour == (0xA0, 0x30, 0x20)
     assert (target.outfit.top.pattern, target.outfit.cut, target.outfit.long_legs) == ("plain", "hood", False)
@@ -316,7 +327,7 @@ def test_a_scenario_says_what_the_target_wears_and_the_rest_is_drawn():
     assert (target.anatomy.hair_style, target.anatomy.girth, target.anatomy.skin) == ("cap", 1.2, (192, 144, 112))
     assert target.anatomy.height_m == drawn.anatomy.height_m
     assert dressed[1].outfit == target.outfit, "look-alikes are like it"
-    checked = sample_people(5, 1.7, 0, 0.0, [], clothes=Clothes(pattern="checks"))[0]
+    (checked,) = sample_people(5, 1.7, Clothes(pattern="checks"))
     assert (checked.outfit.top.colour, checked.outfit.top.pattern) == (drawn.outfit.top.colour, "checks")
 
 
