@@ -111,8 +111,8 @@ def read_frames(store: RunStore, results: Iterable[Result]) -> dict[str, Tracker
     frames: dict[str, TrackerFrames] = {}
     for result in results:
         table = store.frame_columns(result, _FRAME_COLUMNS)
-        numbers = [np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64) for name in _FRAME_COLUMNS[:-1]]
-        frames[result.label] = TrackerFrames(*numbers, scored=np.asarray(table["scored"], dtype=np.bool_))
+        numbers = [np.asarray(table[name], dtype=np.float64) for name in _FRAME_COLUMNS[:-1]]
+        frames[result.label] = TrackerFrames(*numbers, scored=table["scored"])
     return frames
 
 

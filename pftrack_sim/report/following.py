@@ -54,7 +54,7 @@ def _episode(store: RunStore, result: Result) -> dict[str, Any]:
     every = slice(None, None, math.ceil(len(table["frame"]) / MAX_POINTS))
 
     def curve(name: str, digits: int = 2, scale: float = 1.0) -> list[float | None]:
-        values = scale * np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64)
+        values = scale * np.asarray(table[name], dtype=np.float64)
         return [round(value, digits) if math.isfinite(value) else None for value in values[every].tolist()]
 
     return {

@@ -73,7 +73,7 @@ def draw_strips(store: RunStore, figure: Any) -> None:
     for row, one in zip(plots, own, strict=True):
         table = store.frame_columns(one, ("estimate", store.plan.truth))
         known = {
-            name: [box if np.size(box) == 4 else [np.nan] * 4 for box in np.ma.filled(column)]  # a miss has none
+            name: [[np.nan] * 4 if box is None else box for box in column]  # a miss has none
             for name, column in table.items()
         }
         drawn = ((known["estimate"], styles[one.label].hexadecimal, "-"), (known[store.plan.truth], "white", ":"))

@@ -97,19 +97,12 @@ def _describe_trackers(path: Path, trackers: Mapping[str, TrackerSpec]) -> Path:
 
 def _tracker_result(table: Mapping[str, Any]) -> TrackerResult:
     statuses = np.asarray(table["status"]).tolist()
-    rows = [np.full(4, np.nan) if row is None else row for row in _objects(table["estimate"])]
-    confidence = np.ma.filled(np.ma.asarray(table["confidence"], dtype=np.float64), np.nan)
+    rows = [np.full(4, np.nan) if row is None else row for row in table["estimate"]]
+    confidence = np.asarray(table["confidence"], dtype=np.float64)
     first = statuses.index("init") if "init" in statuses else len(statuses) - 1
     ms = np.asarray(table["ms"], dtype=np.float64)
-    tracks = _objects(table["tracks"])
-    people = track_table(tracks) if any(row is not None for row in tracks) else None
+    people = track_table(table["tracks"]) if any(row is not None for row in table["tracks"]) else None
     return TrackerResult(np.array(rows, dtype=np.float64).reshape(-1, 4), ms, confidence, first, people)
-
-
-def _objects(values: Any) -> list[Any]:
-    """Entries of a column of lists; None where it is NULL."""
-    pairs = zip(np.ma.getdata(values), np.ma.getmaskarray(values), strict=True)
-    return [None if masked else value for value, masked in pairs]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any, cast
 
 import duckdb
+import numpy as np
+from numpy.typing import NDArray
 
 from pftrack_sim.benchmark.asked.plan import Episode
 from pftrack_sim.benchmark.kept.files import query_deadline, sql_text
@@ -49,6 +51,13 @@ def _reader(process: int) -> duckdb.DuckDBPyConnection:
     A forked process needs its own: DuckDB's threads do not survive the fork.
     """
     return duckdb.connect(config={"enable_external_file_cache": "false"})
+
+
+def _filled(column: NDArray[Any]) -> NDArray[Any]:
+    """A column with NaN in the place of numbers that are NULL, and None in that of other values."""
+    values, missing = np.ma.getdata(column), np.ma.getmaskarray(column)
+    unknown: Any = None if values.dtype == object else np.nan
+    return np.where(missing, unknown, values) if missing.any() else values
 
 
 @dataclass(frozen=True)
@@ -155,7 +164,7 @@ class RunStore(RunFolder):
         return self.plan.episode(int(result.values["number"]))
 
     def frame_columns(self, result: Result, names: Sequence[str]) -> dict[str, Any]:
-        """Columns of a result and of its frames, `(N,)` each, a row per frame.
+        """Columns of a result and of its frames, `(N,)` each, a row per frame; NaN or None where a value is unknown.
 
         Raises:
             RunError: A file is missing, broken, or outside the run folder.
@@ -170,9 +179,10 @@ class RunStore(RunFolder):
             frames = _FRAMES.format(results=parquet([file]), drawn=parquet([self.path / drawn]))
             with _reader(os.getpid()).cursor() as database, query_deadline(database):
                 table = database.execute(f"SELECT {', '.join(names)} FROM ({frames}) ORDER BY frame")
-                return cast("Any", table).fetchnumpy()
+                columns: dict[str, Any] = cast("Any", table).fetchnumpy()
         except duckdb.Error as error:
             raise RunError(f"{file} cannot be read: {one_line(str(error).splitlines()[0])}") from None
+        return {name: _filled(column) for name, column in columns.items()}
 
     def video_of(self, result: Result) -> Path | None:
         """The video of a result's episode, if there is one."""

@@ -189,8 +189,7 @@ def _other_frames(episode: Episode) -> RunError:
 
 def _estimates(episode: Episode, columns: Mapping[str, Any]) -> Iterator[Estimate | None]:
     """Estimates of a tracker, one for each frame; None where it did not answer."""
-    rows = zip(*(np.ma.getdata(columns[name]) for name in _COLUMNS), strict=True)
-    for box, confidence, occluded, answered in rows:
+    for box, confidence, occluded, answered in zip(*(columns[name] for name in _COLUMNS), strict=True):
         yield Estimate(box, confidence=float(confidence), occluded=bool(occluded)) if answered else None
     raise _other_frames(episode)
 

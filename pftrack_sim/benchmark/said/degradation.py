@@ -281,13 +281,10 @@ def _arms(store: RunStore, results: Sequence[Result]) -> dict[str, score.Arm]:
     box = store.plan.truth
     for result in results:
         table = store.frame_columns(result, ("time_s", "overlap", "scored", box))
-        time_s, overlap = (
-            np.asarray(np.ma.filled(table[name], np.nan), dtype=np.float64) for name in ("time_s", "overlap")
-        )
+        time_s, overlap = (np.asarray(table[name], dtype=np.float64) for name in ("time_s", "overlap"))
         counted = score.counted_frames(table["scored"])
         found[result.label] = score.Arm(time_s, overlap, counted)
         if store.plan.kind == "open" and STAY not in store.plan.labels and STAY not in found:
-            known = zip(table[box], np.ma.getmaskarray(table[box]), strict=True)
-            truth = np.array([[math.nan] * 4 if missing else list(one) for one, missing in known])
+            truth = np.array([[math.nan] * 4 if one is None else list(one) for one in table[box]])
             found[STAY] = score.Arm(time_s, score.stay_overlaps(truth, table["scored"]), counted)
     return found
