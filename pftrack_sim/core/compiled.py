@@ -29,7 +29,6 @@ class _Notice(numba_event.Listener):
         self.said = False
 
     def on_start(self, event: Any) -> None:
-        """A function is going to be compiled."""
         if not _is_own(event):
             return
         if not self.said and self._timer.done and self._timer.duration > _PATIENCE_S:
@@ -38,7 +37,6 @@ class _Notice(numba_event.Listener):
         self._timer.on_start(event)
 
     def on_end(self, event: Any) -> None:
-        """A function has been compiled."""
         if _is_own(event):
             self._timer.on_end(event)
 

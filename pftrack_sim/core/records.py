@@ -189,7 +189,6 @@ class DeferredPeople(Sequence[Truth]):
         return self._target if index == 0 else self.everybody[index]
 
     def __len__(self) -> int:
-        """Number of people in view."""
         return len(self.everybody)
 
     def __eq__(self, other: object) -> bool:

@@ -68,9 +68,9 @@ def success_rate(overlap: ArrayLike, threshold: float = SUCCESS_OVERLAP) -> floa
     return float(np.mean(values >= threshold)) if values.size else math.nan
 
 
-def precision(centre_error: ArrayLike, threshold_px: float = PRECISION_PX) -> float:
-    """Share of frames with a centre error of *at most* the threshold (Wu, Lim & Yang 2013); NaN for no frames."""
-    return float(precision_curve(centre_error, [threshold_px])[0])
+def precision(centre_error: ArrayLike) -> float:
+    """Share of frames with a centre error of *at most* 20 px (Wu, Lim & Yang 2013); NaN for no frames."""
+    return float(precision_curve(centre_error, [PRECISION_PX])[0])
 
 
 def precision_curve(centre_error: ArrayLike, thresholds: ArrayLike = PRECISION_THRESHOLDS_PX) -> FloatArray:

@@ -157,11 +157,10 @@ def losses(time_s: ArrayLike, seen: ArrayLike) -> list[tuple[float, float]]:
     return found
 
 
-def jerk_rms(xy_m: ArrayLike, time_s: ArrayLike, window_s: float = 0.5) -> float:
-    """RMS of the third derivative of a path [m/s^3], from a cubic fitted over a window (Savitzky and Golay 1964).
+def jerk_rms(xy_m: ArrayLike, time_s: ArrayLike) -> float:
+    """RMS of the third derivative of a path [m/s^3], from a cubic fitted over half a second (Savitzky and Golay 1964).
 
-    `(N, 2)` positions at irregular `(N,)` times are interpolated to their median interval. NaN when the path is shorter
-    than the window.
+    `(N, 2)` positions at irregular `(N,)` times are interpolated to their median interval. NaN for a shorter path.
     """
     path, times = np.asarray(xy_m, dtype=np.float64), np.asarray(time_s, dtype=np.float64)
     if len(times) < 2:
@@ -170,7 +169,7 @@ def jerk_rms(xy_m: ArrayLike, time_s: ArrayLike, window_s: float = 0.5) -> float
     if np.ptp(np.diff(times)) > 1e-6:
         even = np.arange(times[0], times[-1] + 0.5 * interval_s, interval_s)
         path = np.column_stack([np.interp(even, times, path[:, 0]), np.interp(even, times, path[:, 1])])
-    half = max(2, round(0.5 * window_s / interval_s))
+    half = max(2, round(0.25 / interval_s))
     if len(path) < 2 * half + 1:
         return math.nan
     jerk: FloatArray = scipy.signal.savgol_filter(path, 2 * half + 1, 3, deriv=3, delta=interval_s, axis=0)

@@ -28,6 +28,8 @@ _KEPT = 1000.0
 _TINY = float(np.finfo(np.float64).eps)
 
 Identities = NDArray[np.intp]
+Frames = Sequence[tuple[Identities, Identities, FloatArray]]
+"""True identities, estimated ones, and the overlaps of all pairs, frame by frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,36 +102,28 @@ def multi_object(sequences: Sequence[tuple[Tracks, Tracks]]) -> dict[str, float]
 
 def _add(counts: _Counts, truth: Tracks, estimates: Tracks) -> None:
     """Add one sequence with boxes on both sides."""
-    true_names, true_places = np.unique(truth.identities, return_inverse=True)
-    names, places = np.unique(estimates.identities, return_inverse=True)
+    true_places, places = (np.unique(one.identities, return_inverse=True)[1] for one in (truth, estimates))
     frames: list[tuple[Identities, Identities, FloatArray]] = []
     for frame in np.unique(np.concatenate([truth.frames, estimates.frames])).tolist():
         here, there = truth.frames == frame, estimates.frames == frame
         overlaps = pairwise_iou(truth.boxes[here][:, None], estimates.boxes[there])
         frames.append((true_places[here], places[there], overlaps))
-    shape = (len(true_names), len(names))
     of_true, of_estimated = np.bincount(true_places), np.bincount(places)
-    _add_hota(counts, frames, of_true, of_estimated, shape)
-    _add_identities(counts, frames, shape)
-    _add_clear(counts, frames, shape[0])
+    _add_hota(counts, frames, of_true, of_estimated)
+    _add_identities(counts, frames, (len(of_true), len(of_estimated)))
+    _add_clear(counts, frames, len(of_true))
 
 
-def _add_hota(
-    counts: _Counts,
-    frames: Sequence[tuple[Identities, Identities, FloatArray]],
-    of_true: NDArray[np.intp],
-    of_estimated: NDArray[np.intp],
-    shape: tuple[int, int],
-) -> None:
+def _add_hota(counts: _Counts, frames: Frames, of_true: Identities, of_estimated: Identities) -> None:
     """HOTA: boxes are matched so that identities agree best over the whole sequence, then by overlap."""
-    aligned = np.zeros(shape)
+    either = of_true[:, None] + of_estimated[None, :]
+    aligned = np.zeros(either.shape)
     for mine, theirs, overlap in frames:
         total = overlap.sum(axis=0, keepdims=True) + overlap.sum(axis=1, keepdims=True) - overlap
         shared = np.divide(overlap, total, out=np.zeros_like(overlap), where=total > _TINY)
         aligned[np.ix_(mine, theirs)] += shared
-    either = of_true[:, None] + of_estimated[None, :]
     alignment = aligned / (either - aligned)
-    together = np.zeros((len(ALPHAS), *shape))
+    together = np.zeros((len(ALPHAS), *either.shape))
     for mine, theirs, overlap in frames:
         rows, columns = scipy.optimize.linear_sum_assignment(-alignment[np.ix_(mine, theirs)] * overlap)
         found = overlap[rows, columns]
@@ -139,9 +133,7 @@ def _add_hota(
     counts.association += (together * (together / np.maximum(1.0, either - together))).sum(axis=(1, 2))
 
 
-def _add_identities(
-    counts: _Counts, frames: Sequence[tuple[Identities, Identities, FloatArray]], shape: tuple[int, int]
-) -> None:
+def _add_identities(counts: _Counts, frames: Frames, shape: tuple[int, int]) -> None:
     """IDF1: each true identity gets at most one estimated one, so that as many boxes as possible agree.
 
     The fewest boxes left over and the most boxes that agree are the same assignment.
@@ -153,7 +145,7 @@ def _add_identities(
     counts.same_identity += int(agree[rows, columns].sum())
 
 
-def _add_clear(counts: _Counts, frames: Sequence[tuple[Identities, Identities, FloatArray]], true_count: int) -> None:
+def _add_clear(counts: _Counts, frames: Frames, true_count: int) -> None:
     """MOTA: matches of the previous frame are kept while they overlap; a person with another identity is a switch."""
     last = np.full(true_count, -1)
     previous = np.full(true_count, -1)

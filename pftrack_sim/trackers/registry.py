@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import importlib
 import operator
-import shlex
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal
@@ -21,6 +20,7 @@ from pftrack_sim.core.plugins import BuiltIn, Registry
 from pftrack_sim.core.records import Tracker
 from pftrack_sim.trackers.multi_object.followed import FollowedPerson, MultiObjectTracker
 from pftrack_sim.trackers.trax import PREFIX as TRAX
+from pftrack_sim.trackers.trax import words_of
 
 MOT = "mot:"
 GROUP = "pftrack_sim.trackers"
@@ -111,16 +111,11 @@ def code_digest(name: str) -> str:
 
     Raises:
         UnknownNameError: No such tracker.
-        TrackerError: The command of a TraX tracker cannot be split into words.
+        ParameterError: The command of a TraX tracker cannot be split into words.
     """
     if name.startswith(MOT):
         return _MULTI_OBJECT.code_digest(name.removeprefix(MOT))
-    if not name.startswith(TRAX):
-        return _REGISTRY.code_digest(name)
-    try:
-        return command_digest(shlex.split(name.removeprefix(TRAX)))
-    except ValueError as error:
-        raise TrackerError(f"tracker {name!r}: the command cannot be read: {error}") from None
+    return command_digest(words_of(name)) if name.startswith(TRAX) else _REGISTRY.code_digest(name)
 
 
 def is_builtin(name: str) -> bool:

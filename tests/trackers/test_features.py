@@ -28,7 +28,7 @@ LAYOUTS = [
     epanechnikov_layout(3, 128),
     uniform_layout(1, 256),
     cell_layout(),
-    distance_layout(24, 16, 1, 256),
+    distance_layout(24, 16, 256),
 ]
 RNG = np.random.default_rng(0)
 

@@ -111,7 +111,7 @@ def test_constant_velocity_is_equation_9():
 
 
 def test_colour_weights_are_equation_1():
-    weights = distance_layout(24, 16, 1, 256).weights
+    weights = distance_layout(24, 16, 256).weights
     v, u = np.mgrid[:24, :16]
     distance = np.hypot(v - 11.5, u - 7.5)
     expected = 1 - (distance / distance.max()) ** 2
@@ -122,7 +122,7 @@ def test_colour_weights_are_equation_1():
 def test_colour_histogram_against_opencv():
     """On a box of exactly 16x24 pixels, against weighted three-dimensional histograms of single pixels by OpenCV."""
     image = np.random.default_rng(0).integers(0, 256, (40, 30, 3), dtype=np.uint8)
-    layout = distance_layout(24, 16, 1, 256)
+    layout = distance_layout(24, 16, 256)
     found = histogram(hsv_joint_codes(image), np.array([5.0, 7, 16, 24]), layout)
     hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV_FULL)[7:31, 5:21]
     expected = np.zeros((8, 8, 4))

@@ -76,7 +76,7 @@ def epanechnikov_layout(channel_count: int, bin_count: int) -> BinLayout:
     return BinLayout(np.clip((ROWS * COLUMNS) ** 2 - squares, 0, None).astype(np.int32), channel_count, bin_count)
 
 
-def distance_layout(rows: int, columns: int, channel_count: int, bin_count: int) -> BinLayout:
+def distance_layout(rows: int, columns: int, bin_count: int) -> BinLayout:
     """Weights 1 - r^2 with r the distance to the centre over that of the farthest point (Lee et al. 2012, eq. 1).
 
     Distances are those in a box resized to rows x columns: the corners have weight 0.
@@ -84,7 +84,7 @@ def distance_layout(rows: int, columns: int, channel_count: int, bin_count: int)
     # Doubled distances are whole numbers.
     v, u = 2 * np.arange(rows) - (rows - 1), 2 * np.arange(columns) - (columns - 1)
     squares = np.square(v)[:, None] + np.square(u)[None, :]
-    return BinLayout((squares.max() - squares).astype(np.int32), channel_count, bin_count)
+    return BinLayout((squares.max() - squares).astype(np.int32), 1, bin_count)
 
 
 def histogram(codes: Codes, box: Box, layout: BinLayout) -> FloatArray:

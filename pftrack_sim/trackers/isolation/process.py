@@ -296,7 +296,6 @@ class TrackerProcess:
         return bool(content)
 
     def _exit_reason(self) -> str:
-        """How the process ended."""
         self._life.settimeout(_END_S)
         report: dict[str, float] = {}
         with contextlib.suppress(OSError, ValueError):

@@ -35,7 +35,7 @@ from pftrack_sim.trackers.parameters import Count, NotNegative, Positive, Share
 
 MIN_SIZE_SHARE = 0.1
 """Least size of a particle as a share of the first box, which does not depend on the image's resolution."""
-_LAYOUT = distance_layout(ROWS, COLUMNS, 1, JOINT_COUNT)
+_LAYOUT = distance_layout(ROWS, COLUMNS, JOINT_COUNT)
 _Seen: TypeAlias = tuple[ImageRegion, NDArray[np.uint8], NDArray[np.uint8] | None]
 
 

@@ -17,7 +17,6 @@ import math
 import os
 import queue
 import re
-import shlex
 import shutil
 import signal
 import subprocess
@@ -38,8 +37,9 @@ from pftrack_sim.core.image_files import encode
 from pftrack_sim.core.inputs import environment_of_programs
 from pftrack_sim.core.records import Estimate, Image
 from pftrack_sim.core.text import one_line
-from pftrack_sim.trackers.base import PRESETS, BaseTracker
-from pftrack_sim.trackers.trax import PREFIX
+from pftrack_sim.trackers.base import BaseTracker
+from pftrack_sim.trackers.parameters import Parameters
+from pftrack_sim.trackers.trax import words_of
 
 MAX_LINE_BYTES = 256 * 1024 * 1024
 _PREFIX = "@@TRAX:"
@@ -174,14 +174,10 @@ def make(name: str, seed: int, preset: str, properties: Mapping[str, Any]) -> Tr
         ParameterError: No command, no such preset, or a name of a property that TraX does not allow.
         TrackerError: The program does not exist, or ended, or did not say hello.
     """
-    try:
-        words = shlex.split(name.removeprefix(PREFIX))
-    except ValueError as error:
-        raise ParameterError(f"tracker {name!r}: the command cannot be read: {error}") from None
+    words = words_of(name)
     if not words:
         raise ParameterError(f"tracker {name!r}: a command must follow, for example trax:python my_tracker.py")
-    if preset not in PRESETS:
-        raise ParameterError(f"unknown preset {preset!r} (known: {', '.join(PRESETS)})")
+    Parameters.from_preset(name, preset, {})
     for key in properties:
         if not _KEY.fullmatch(key):
             raise ParameterError(f"tracker {name!r}: a property has up to 64 letters, digits, . and _; got {key!r}")
