@@ -381,11 +381,15 @@ def test_a_third_party_s_tracker_is_named_before_its_code_runs(suite: str, made:
     done = pftrack_sim("submit", *runs, "--out", "mine.parquet", cwd=tmp_path)
     assert done.stdout.endswith("next: pftrack-sim submit mine.parquet --verify --tracker my_tracker:make\n")
     verifying = ("submit", "mine.parquet", "--verify", "--workers", "0", "--isolation", "never")
-    assert "name it with --tracker my_tracker:make" in refused(*verifying, cwd=tmp_path)
+    done = pftrack_sim(*verifying, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "name it with --tracker my_tracker:make" in done.stderr
     named = (*verifying, "--tracker", "my_tracker:make")
     assert pftrack_sim(*named, cwd=tmp_path).stdout.endswith("verified\n")
     (tmp_path / "my_tracker.py").write_text((tmp_path / "my_tracker.py").read_text() + "\nBETTER = True\n")
-    assert "the code of my_tracker:make is another here" in refused(*named, cwd=tmp_path)
+    done = pftrack_sim(*named, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "the code of my_tracker:make is another here" in done.stderr
 
 
 def test_rows_of_a_run_know_nothing_of_its_folder(stores: list[RunStore]):
