@@ -75,14 +75,34 @@ def test_a_dark_pixel_without_read_noise_is_never_white():
 def test_pixels_channels_frames_and_seeds_are_independent():
     axis = NoiseAxis(severity=1.0)
     noise = Noise(axis, 1)
-    frames = [one.read(flat_field(120), index) for one, index in ((noise, 0), (noise, 1), (Noise(axis, 2), 0))]
+    frames = [
+        noise.read(flat_field(120), 0),
+        noise.read(flat_field(120), 1),
+        Noise(axis, 2).read(flat_field(120), 0),
+    ]
     columns = np.stack([frame[..., channel].ravel() for frame in frames for channel in range(3)]).astype(np.float64)
     columns = np.concatenate([columns, np.roll(columns[:1], 1, axis=1), np.roll(columns[:1], FLAT[1], axis=1)])
     correlation = np.corrcoef(columns)
     assert abs(correlation - np.eye(len(columns))).max() < 5.0 / np.sqrt(columns.shape[1])
 
 
-def test_severity_zero_is_the_image_itself():
+def test_signal_to_noise_ratio_falls_with_the_light():
+    noise = Noise(NoiseAxis(severity=1.0), 0)
+    to_noise = []
+    for value in (200, 100, 50, 25):
+        light = (noise.read(flat_field(value), 0) / 255.0) ** DISPLAY_GAMMA
+        to_noise.append(light.mean() / light.std())
+    assert (np.diff(to_noise) < 0.0).all()
+    assert to_noise[0] > 4.0 * to_noise[-1]
+
+
+def test_severity_scales_noise_and_zero_is_the_image_itself():
+    deviations = []
+    for severity in (0.25, 1.0, 2.0):
+        read = Noise(NoiseAxis(severity=severity, read_noise_e=0.0), 0).read(flat_field(128), 0)
+        deviations.append(read.std())
+    assert deviations[1] / deviations[0] == pytest.approx(2.0, rel=0.1)  # the root of the photons
+    assert deviations[2] / deviations[1] == pytest.approx(np.sqrt(2.0), rel=0.05)
     image = flat_field(128)
     axes = Axes(noise=NoiseAxis(severity=0.0, gain=9.0))
     sensor = Sensor(model.Sensor(psf_sigma_px=0.0, level=0.0), axes, 0)

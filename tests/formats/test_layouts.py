@@ -5,6 +5,7 @@ import re
 import shutil
 import tarfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -90,6 +91,19 @@ def test_a_sequence_begins_where_the_target_is_first_seen(tmp_path: Path, layout
     assert len(read) == COUNT - 2
     np.testing.assert_allclose(read.truth, content.boxes[2:], atol=1.1e-5)
     assert read.image(0)[0, 0, 0] == 2
+
+
+@pytest.mark.parametrize("first", LAYOUTS)
+@pytest.mark.parametrize("second", LAYOUTS)
+def test_a_sequence_converted_to_another_layout_has_the_same_boxes(tmp_path: Path, first: str, second: str):
+    content = annotations(5)
+    once = read_sequence(write(tmp_path / "one", first, content)).truth
+    people = tuple(
+        tuple(replace(one, box=tuple(box)) if one.identity == 1 and box[0] >= 0.0 else one for one in everybody)
+        for everybody, box in zip(content.people, once.tolist(), strict=True)
+    )
+    again = read_sequence(write(tmp_path / "two", second, replace(content, people=people))).truth
+    np.testing.assert_allclose(again, once, atol=2.2e-5)
 
 
 def test_one_based_layouts_have_no_box_at_zero(tmp_path: Path):

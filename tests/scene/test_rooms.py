@@ -152,10 +152,20 @@ def test_a_missing_file_is_named(tmp_path: Path, kind: str):
     ("kind", "write", "place", "words"),
     [
         ("map", lambda folder: write_map(folder, mode="scale"), {}, "mode trinary, as .* mode 'scale'"),
-        ("map", lambda folder: write_map(folder, image="none.pgm"), {}, r"none\.pgm cannot be read: No such"),
-        ("map", lambda folder: write_map(folder, image="map.yaml"), {}, r"map\.yaml cannot be read: no PGM or PNG"),
+        ("map", lambda folder: write_map(folder, image="none.pgm"), {}, r"image none\.pgm cannot be read: No such"),
+        (
+            "map",
+            lambda folder: write_map(folder, image="map.yaml"),
+            {},
+            r"image map\.yaml cannot be read: no PGM or PNG",
+        ),
         ("map", lambda folder: write_map(folder, resolution=1.9), {}, "the map is 418 m long, at most 250 m"),
-        ("mesh", lambda folder: write_glb(folder, 1000.0), {}, r"is 8.*e\+03 m long, .* are a room: set place\.scale"),
+        (
+            "mesh",
+            lambda folder: write_glb(folder, 1000.0),
+            {},
+            r"is 8.*e\+03 m long, 2 to 250 m are a room: set place\.scale",
+        ),
         ("mesh", lambda folder: write_glb(folder, 0.01), {}, "is 0.08.* m long, 2 to 250 m are a room"),
         ("mesh", lambda folder: write_glb(folder, floor=False), {}, "no room for a person"),
         ("mjcf", lambda folder: write_mjcf(folder, more="<frm/>"), {}, "MuJoCo cannot load it: .*unrecognized element"),

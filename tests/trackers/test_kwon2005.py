@@ -304,6 +304,10 @@ def test_unobservable_components_get_zero_velocity():
     assert np.allclose(found / UNITS, moved / UNITS, rtol=0, atol=1e-9)
 
 
+def test_one_particle_gives_zero_velocity():
+    assert np.array_equal(adaptive_velocity(fit_slopes(np.zeros((1, 4)), np.zeros((1, 9))), np.ones(9)), np.zeros(4))
+
+
 def test_observation_noise_averages_out():
     matrix, particles, seen = linear_model(np.float64, 400)
     noisy = seen + 0.3 * np.random.default_rng(0).standard_normal(seen.shape)
